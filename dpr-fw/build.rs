@@ -1,4 +1,5 @@
-//! Puts this board's memory map where the linker finds it, and makes the table of the tasks.
+//! Copies the DPR's linker scripts, `memory.x` and `hot.x`, to where the linker finds them, and generates the table of
+//! tasks.
 
 use std::{env, error::Error, fs, path::PathBuf};
 
@@ -11,11 +12,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("cargo:rerun-if-changed={script}");
     }
     println!("cargo:rustc-link-search={}", out.display());
-    // The linker script has a place for the program's CRC behind the program; `firmware-common` writes the script.
+    // The linker script that `firmware-common` writes reserves the last word of the program for the program's CRC.
     if env::var("CARGO_CFG_TARGET_OS")? == "none" {
         println!("cargo:rustc-link-arg-bins=-Tprogram_crc.x");
     }
-    // The tasks of the second port come last, because they have the lowest priorities.
+    // The tasks of the second port have the lowest priorities, so they come last.
     let application = fs::read_to_string("src/main.rs")?;
     let (always, hold) =
         application.split_once("#[cfg(feature = \"hold\")]\n    #[task(").ok_or("no task of a hold")?;

@@ -1,4 +1,4 @@
-//! Puts the linker scripts of the program's CRC and of the guard words where the firmwares' linker finds them.
+//! Puts the linker scripts for the program's CRC and for the guard words where the linker of the firmwares finds them.
 
 use std::{env, error::Error, fs, path::PathBuf};
 

@@ -1,4 +1,4 @@
-//! Puts this board's memory map where the linker finds it, and makes the table of the tasks.
+//! Copies the board's memory map to where the linker finds it, and generates the table of tasks.
 
 use std::{env, error::Error, fs, path::PathBuf};
 
@@ -7,7 +7,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     fs::copy("memory.x", out.join("memory.x"))?;
     println!("cargo:rerun-if-changed=memory.x");
     println!("cargo:rustc-link-search={}", out.display());
-    // The linker script has a place for the program's CRC behind the program; `firmware-common` writes the script.
+    // The linker script that `firmware-common` writes reserves the last word of the program for the program's CRC.
     if env::var("CARGO_CFG_TARGET_OS")? == "none" {
         println!("cargo:rustc-link-arg-bins=-Tprogram_crc.x");
     }

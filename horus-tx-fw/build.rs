@@ -1,5 +1,5 @@
-//! Gives the linker this firmware's own `memory.x`, since two firmwares share one target directory, and the script of
-//! the program's CRC. Makes the table of the tasks.
+//! Gives the linker this firmware's own `memory.x` and the script that adds the program's CRC, and generates the table
+//! of tasks. The firmwares share one target directory, so each must say which `memory.x` is its own.
 
 use std::{env, error::Error, fs, path::PathBuf};
 
@@ -7,7 +7,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let out = PathBuf::from(env::var("OUT_DIR")?);
     fs::copy("memory.x", out.join("memory.x"))?;
     println!("cargo:rustc-link-search={}", out.display());
-    // The script is that of `firmware-common`. The host's binary needs none, since it only prints what the firmware is.
+    // The linker script of the CRC comes from `firmware-common`. A build for the host needs no linker script.
     if env::var("CARGO_CFG_TARGET_OS")? == "none" {
         println!("cargo:rustc-link-arg-bins=-Tprogram_crc.x");
     }

@@ -20,7 +20,7 @@ fn main() {
     let (firmware, scripts): (_, &[_]) = match (board("DPR"), board("HORUS")) {
         (true, false) => ("dpr-fw", &["memory.x", "hot.x"]),
         (false, true) => ("horus-tx-fw", &["memory.x"]),
-        // On the host no suite is built, and a build for two boards at once has no common layout.
+        // On the host no suite is built. A build for two boards at once would have no common layout.
         _ => return,
     };
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));

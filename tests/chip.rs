@@ -11,7 +11,7 @@ const AD_RESULT: usize = 0x25;
 const AUX_DISPLAY: usize = 0x31;
 const IDENTITY: usize = 0x3F;
 
-/// The bit I_osc of the main interrupt register, which is also I_dct of the timer's interrupt register.
+/// The bit I_osc of the main interrupt register. The same bit of the timer's interrupt register is I_dct.
 const DONE: u8 = 0x80;
 const SPACE_B: u8 = 0xFB;
 const READ: u8 = 0x40;
@@ -21,7 +21,7 @@ const READ: u8 = 0x40;
 pub struct Status {
     /// The main interrupts.
     pub main: u8,
-    /// The interrupts of errors and wake-up.
+    /// The bits of the error and wake-up interrupt register.
     pub error: u8,
     /// The number of bytes in the FIFO, below 256.
     pub count: u8,

@@ -16,7 +16,7 @@ pub enum Clock {
     Optimistic,
     /// The bench counts the most cycles in the TRM's tables for each instruction, with every wait state.
     Pessimistic,
-    /// The suite runs on a board. No silicon is slower than the pessimistic clock, so its bounds hold.
+    /// The suite runs on a board. The bounds of the pessimistic clock apply, because no silicon is slower.
     Hardware,
 }
 
@@ -31,8 +31,8 @@ pub const CLOCK: Clock = match option_env!("ON_TARGET_CLOCK") {
     },
 };
 
-/// The cycles by which a board's flash cache and prefetch may increase the spread: a few wait states depend on where
-/// code lies in the flash and on what was fetched before. The bench's fast and optimistic clocks have none.
+/// The cycles by which a board's flash cache and prefetch may increase the spread. A few wait states depend on where
+/// code lies in the flash, and on what was fetched before. The bench's fast and optimistic clocks have no such states.
 const HARDWARE_SPREAD: u32 = 64;
 
 /// The most cycles that some work may take, on each clock.
@@ -55,7 +55,7 @@ pub const fn bounds(fast: u32, optimistic: u32, pessimistic: u32, spread: u32) -
 }
 
 impl Bounds {
-    /// Returns the bound for [`CLOCK`], in cycles.
+    /// Returns the bound of the work for [`CLOCK`], in cycles.
     #[must_use]
     pub const fn here(self) -> u32 {
         match CLOCK {
@@ -65,7 +65,7 @@ impl Bounds {
         }
     }
 
-    /// Returns the spread that is allowed on [`CLOCK`], in cycles.
+    /// Returns the allowed spread of the work for [`CLOCK`], in cycles.
     #[must_use]
     pub const fn spread_here(self) -> u32 {
         match CLOCK {
@@ -109,13 +109,13 @@ impl Cycles {
     }
 
     /// Returns the times that the same work takes over several inputs, in cycles. Each input is run once before it is
-    /// timed, so that a board's flash cache holds the code for all inputs alike.
+    /// timed. So a board's flash cache holds the code for all inputs alike.
     pub fn over<I, T>(&self, inputs: impl IntoIterator<Item = I>, mut work: impl FnMut(&I) -> T) -> Taken {
         self.over_prepared(inputs, |_| (), |input, ()| work(input))
     }
 
-    /// Returns the times as [`Cycles::over`] does, for work that changes its state. `prepare` makes the state anew for
-    /// each input and is not timed.
+    /// Returns the times like [`Cycles::over`], for work that changes its state. Before each input, `prepare` makes a
+    /// new state, which is not timed.
     #[inline(always)]
     pub fn over_prepared<I, S, T>(
         &self,
@@ -124,7 +124,7 @@ impl Cycles {
         mut work: impl FnMut(&I, &mut S) -> T,
     ) -> Taken {
         let mut taken = Taken::NONE;
-        // The work is called at one place in the code only, so every input, timed or not, runs the same copy of it.
+        // The work is called at a single place in the code, so that all inputs run the same copy of it.
         let mut turn = |input: &I| {
             let mut state = black_box(prepare(black_box(input)));
             self.of(|| work(black_box(input), black_box(&mut state)))
@@ -142,21 +142,22 @@ impl Cycles {
 }
 
 impl Taken {
-    /// The value before any call was timed.
+    /// The state before any call was timed.
     pub const NONE: Self = Self { min: u32::MAX, max: 0 };
 
-    /// Records one more call, which took `cycles`.
+    /// Records another call of the work, which took `cycles`.
     pub fn note(&mut self, cycles: u32) {
         *self = Self { min: self.min.min(cycles), max: self.max.max(cycles) };
     }
 
-    /// Returns by how many cycles the data changed the time.
+    /// Returns by how many cycles the time has varied with the data.
     #[must_use]
     pub const fn spread(self) -> u32 {
         self.max.saturating_sub(self.min)
     }
 
-    /// Panics unless the slowest call kept its bound and the data changed the time by no more than the allowed spread.
+    /// Panics if the slowest call exceeded its bound, or if the time varied with the data by more than the allowed
+    /// spread.
     pub fn assert(self, what: &str, bounds: Bounds) {
         let (bound, spread) = (bounds.here(), bounds.spread_here());
         defmt::info!(
@@ -168,13 +169,13 @@ impl Taken {
             self.spread(),
             spread
         );
-        // Fewer than four cycles mean that the optimiser removed the work, or that the counter stands still.
+        // Below four cycles, the optimiser has removed the work, or the cycle counter stands still.
         defmt::assert!(self.min >= 4, "{=str} took {=u32} cycles, which is no work at all", what, self.min);
         defmt::assert!(self.max <= bound, "{=str} took {=u32} cycles, more than {=u32}", what, self.max, bound);
         defmt::assert!(self.spread() <= spread, "{=str} depends on its data: {}", what, self);
     }
 
-    /// Panics if the fastest call took less than `bound`, because then some of the work was not done.
+    /// Panics if the fastest call took less than `bound`, because some of the work was left out then.
     pub fn assert_at_least(self, what: &str, bound: u32) {
         defmt::info!("{=str}: {=u32}..{=u32} cycles of at least {=u32}", what, self.min, self.max, bound);
         defmt::assert!(self.min >= bound, "{=str} took {=u32} cycles, less than {=u32}", what, self.min, bound);
@@ -192,7 +193,8 @@ pub fn a_dependence_is_seen(cycles: &Cycles) {
     let compare = |bytes: &[u8; LENGTH]| bytes.iter().take_while(|byte| black_box(**byte) == 0).count();
     let taken = cycles.over([differing_at(0), differing_at(LENGTH / 2), differing_at(LENGTH - 1)], compare);
     defmt::info!("a comparison that stops early: {=u32}..{=u32} cycles", taken.min, taken.max);
-    // Each byte of the comparison takes at least two instructions, which is more than any spread that a suite allows.
+    // This comparison stops early, so its time must vary by at least two instructions for each byte. That is more than
+    // any spread that a suite allows.
     defmt::assert!(taken.spread() >= 2 * (LENGTH as u32 - 1), "a dependence on data was not seen: {}", taken);
     let same = cycles.over([differing_at(7); 3], compare);
     defmt::assert!(same.spread() <= bounds(0, 0, 0, 16).spread_here(), "a spread where there is none: {}", same);

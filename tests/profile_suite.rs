@@ -39,7 +39,7 @@ pub fn inputs(timestamp: u32) -> (ReportedValues, [GpsValues; RECEIVERS]) {
     (reported, [gps, values(timestamp), GpsValues::absent(timestamp)])
 }
 
-/// Asserts that a sealed profile verifies and that its values are read back, absent ones bit by bit.
+/// Asserts that a sealed profile verifies, and that its values are read back. Absent values are compared bit by bit.
 pub fn seal_and_verify() {
     let (reported, gps) = inputs(1230);
     let profile = Profile::<RECEIVERS>::seal(&reported, &gps);

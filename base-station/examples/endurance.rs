@@ -8,7 +8,7 @@
 //! crate's reader checks each chunk's CRC, a fresh intake judges each part again, and the part is removed. FOLDER holds
 //! about 8 GB meanwhile.
 //!
-//! The program fails if data are missing or were judged differently the second time, or if memory grows.
+//! The program fails if data are missing, if a second judgement of the data differs from the first, or if memory grows.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -24,8 +24,8 @@ const HOUR: u64 = 360_000;
 
 const START_US: u64 = 1_790_000_000_000_000;
 
-/// The limit for the growth of memory after the first tenth of the work, kB. The index of a recording's part grows
-/// until the part is finished.
+/// The limit for the growth of memory after the first tenth of the work, kB. It allows for the index of a recording's
+/// part, which grows until the part is finished.
 pub(crate) const GROWTH_KB: u64 = 16 << 10;
 
 #[derive(Debug, Default)]
@@ -36,7 +36,7 @@ pub(crate) struct Figures {
     pub(crate) parts: usize,
     pub(crate) bytes: u64,
     pub(crate) read: u64,
-    /// The memory of the process at each tenth of the recording and then at each tenth of the reading, kB.
+    /// The memory of the process, kB, at each tenth of the recording and then at each tenth of the reading.
     pub(crate) memory_kb: Vec<u64>,
 }
 

@@ -69,7 +69,7 @@ fn main() -> Result<ExitCode, Box<dyn std::error::Error>> {
             for message in messages(system, cycle as u8, time)? {
                 if let Some(nth) = nth {
                     let now = u64::try_from(began.elapsed().as_nanos())?;
-                    // Only the first message of a cycle has the position.
+                    // The position is in the first message of a cycle, so only that message's instant is kept.
                     let _ = sent[nth][cycle].compare_exchange(0, now, Ordering::Relaxed, Ordering::Relaxed);
                 }
                 socket.send(&message)?;

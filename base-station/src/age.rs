@@ -7,8 +7,8 @@
 //!
 //! One sample must not define the shortest delay: an attacker who inserts one early sample could make all others look
 //! late, for hours. So the smallest difference only changes when [`AGREEING`] samples have smaller ones, over at least
-//! [`AGREE_US`] and at most [`WITHIN_US`]. It becomes the largest of these. The first [`AGREEING`] samples count at
-//! once.
+//! [`AGREE_US`] and at most [`WITHIN_US`]. The new value is the largest of these. The first [`AGREEING`] samples count
+//! at once.
 //!
 //! The shortest delay itself remains unknown. It consists of about 5 ms from sample to readable (docs/figures.md), up
 //! to a control cycle of the flight controller, and the delay of the carrier. True ages exceed the ages here by the
@@ -38,7 +38,8 @@ pub const AGREE_US: u64 = 1_000_000;
 /// The longest time, µs, from the first to the last of the [`AGREEING`] samples.
 pub const WITHIN_US: u64 = 10_000_000;
 
-/// Samples whose difference of arrival and timestamp is below the smallest one, while they are fewer than [`AGREEING`].
+/// The samples whose difference of arrival and timestamp is below the smallest one, kept while they are fewer than
+/// [`AGREEING`].
 #[derive(Clone, Copy, Debug)]
 struct Lower {
     began_us: u64,
@@ -46,7 +47,7 @@ struct Lower {
     largest_us: i64,
 }
 
-/// The smallest difference of arrival and timestamp, and the instant from which on drift raises it.
+/// The smallest difference of arrival and timestamp. From the instant `at_us` on, the drift of the clocks raises it.
 #[derive(Clone, Copy, Debug)]
 struct Floor {
     difference_us: i64,
@@ -60,7 +61,7 @@ struct Window {
     before: Option<Floor>,
 }
 
-/// Compares one HORUS's timestamps with their arrivals since that HORUS started.
+/// Compares the timestamps of one HORUS with the instants at which they arrive, from that HORUS's start on.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Ages {
     /// The last timestamp, ms, as it arrived and without wrapping.
@@ -77,7 +78,7 @@ impl Ages {
     /// crystal. Returns the sample's delay beyond the shortest delay, µs.
     pub fn take(&mut self, timestamp: u32, at_us: u64, crystal: bool) -> u64 {
         let (unwrapped, difference_us) = self.difference(timestamp, at_us);
-        // Two objects with one timestamp are parts of one sample.
+        // Two objects with the same timestamp belong to one sample, so only the first counts.
         let another = self.last.is_none_or(|(last, _)| last != timestamp);
         self.last = Some((timestamp, unwrapped));
         let floor_us = self.floor_us(at_us, crystal);
@@ -90,8 +91,8 @@ impl Ages {
         floor_us.map_or(0, |floor_us| difference_us.saturating_sub(floor_us).max(0)).unsigned_abs()
     }
 
-    /// Returns how much earlier, µs, this sample came than one with the shortest delay; negative if it came later. The
-    /// arguments are those of [`take`](Self::take).
+    /// Returns how much earlier, µs, this sample came than a sample with the shortest delay; negative if it came later.
+    /// The arguments are those of [`take`](Self::take).
     #[must_use]
     pub fn early_us(&self, timestamp: u32, at_us: u64, crystal: bool) -> i64 {
         let (_, difference_us) = self.difference(timestamp, at_us);
@@ -101,7 +102,7 @@ impl Ages {
     fn difference(&self, timestamp: u32, at_us: u64) -> (i64, i64) {
         let unwrapped = match self.last {
             None => 0,
-            // A timestamp advances or goes back by less than half of its range, as in `profile::freshness`.
+            // A timestamp is assumed to advance or go back by less than half of its range, as in `profile::freshness`.
             Some((last, unwrapped)) => unwrapped + i64::from(timestamp.wrapping_sub(last).cast_signed()),
         };
         (unwrapped, at_us.cast_signed().saturating_sub(unwrapped.saturating_mul(1_000)))
@@ -185,7 +186,8 @@ mod tests {
             assert!(ages.take(own, at, true) < 1_000, "the true one is on time");
         }
         assert_eq!(ages.early_us(2_900, 1_200_000, true), 1_700_200, "and the drift of a second");
-        // If the delay becomes 200 ms shorter for good, the longest of the new delays counts after a second.
+        // The delay becomes 200 ms shorter for good. After a second, the longest of the new delays counts as the
+        // shortest.
         let mut late = vec![];
         for cycle in 130..150_u32 {
             let at = 100_000 * u64::from(cycle) - 200_000 - u64::from(cycle % 2) * 10_000;
@@ -229,7 +231,8 @@ mod tests {
     fn a_rise_is_compared_with_the_time_between_the_two_fastest_samples() {
         let mut ages = Ages::default();
         for half in 0..=122_u32 {
-            // The samples with the shortest delay are 60 s apart. A rise of the delay by 1 s between them is below 2 %.
+            // A sample with the shortest delay comes every 60 s. In between, the delay rises by 1 s, which is below 2
+            // %.
             let late = match half {
                 0 => 0,
                 1..60 => 300_000,
@@ -243,7 +246,7 @@ mod tests {
 
     #[test]
     fn a_clock_off_by_just_2_percent_is_plausible() {
-        // HORUS's clock falls behind by `more` ms in each of two windows; 600 ms are 2 %.
+        // In each of two windows HORUS's clock falls behind by `more` ms. A lag of 600 ms is 2 %.
         for (more, implausible) in [(600, false), (601, true)] {
             let mut ages = Ages::default();
             for window in 0..=2_u32 {

@@ -1,13 +1,13 @@
-//! Defines the alarms for the user.
+//! Defines the alarms that a base station shows to its user.
 
 use core::fmt;
 
 /// The severity of an alarm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Severity {
-    /// A condition is wrong, but the displayed data are valid.
+    /// Something is wrong, but the displayed data are valid.
     Warning,
-    /// The displayed data are not valid, or HORUS has acted.
+    /// Critical: the displayed data are not valid, or HORUS has acted.
     Critical,
 }
 
@@ -53,12 +53,12 @@ alarms! {
     SwitchedToRedundant, "switched-to-redundant", Critical, "HORUS has switched to the redundant flight controller";
     /// HORUS reports that the position is outside of the flight range.
     OutsideRange, "outside-range", Critical, "the drone is outside of its flight range";
-    /// The state inputs of HORUS contradict each other, and no more severe state is known.
+    /// HORUS's state inputs contradict each other, and no more severe state is known.
     InputsContradict, "inputs-contradict", Critical, "HORUS cannot tell its state: its inputs contradict";
     /// HORUS reports a state of a later version, which has no name here.
     UnknownState, "unknown-state", Critical, "HORUS is in a state that this station does not know";
-    /// Within the last [`RECENT_US`](crate::drone::RECENT_US), another sender used this drone's id, or one sample came
-    /// with two contents.
+    /// Within the last [`RECENT_US`](crate::drone::RECENT_US), another sender used this drone's id, or two different
+    /// contents came for one sample.
     TwoSenders, "two-senders", Critical, "two senders speak as this drone: one of them may be false";
     /// HORUS reports that it has lost its position.
     PositionLost, "position-lost", Critical, "HORUS has lost its position and does not monitor";
@@ -74,9 +74,9 @@ alarms! {
     NoField, "no-field", Critical, "the DPR senses no field of HORUS's transmitter";
     /// HORUS repeats its timestamp: the DPR reports this, or the same sample keeps arriving.
     Frozen, "frozen", Critical, "HORUS repeats the same sample";
-    /// The DPR does not find HORUS's sequence, or the arriving data do not continue the displayed ones.
+    /// The DPR does not find HORUS's sequence, or the data that arrive do not continue the displayed ones.
     OutOfSequence, "out-of-sequence", Critical, "what arrives does not continue what was shown";
-    /// HORUS marks an impossible position as valid ([`profile::range`]).
+    /// HORUS marks a position as valid that is impossible ([`profile::range`]).
     Implausible, "implausible", Critical, "no position: what HORUS calls valid cannot be one";
     /// HORUS marks Reported-Position as not valid.
     NoAgreement, "no-agreement", Critical, "no position: too few receivers agree";
@@ -155,7 +155,7 @@ pub struct Raised {
     pub since_us: u64,
 }
 
-/// The beginning or the end of an alarm.
+/// Tells that an alarm has begun or ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Change {
     /// The alarm that began or ended.
@@ -166,7 +166,7 @@ pub struct Change {
     pub at_us: u64,
 }
 
-/// The alarms that hold, each with the instant at which it began.
+/// The alarms that hold at present, each with the instant at which it began.
 #[derive(Clone, Debug, Default)]
 pub struct Board {
     held: Alarms,
@@ -185,13 +185,13 @@ impl Board {
         changes
     }
 
-    /// Returns the set of alarms that hold.
+    /// Returns the set of alarms that hold at present.
     #[must_use]
     pub const fn held(&self) -> Alarms {
         self.held
     }
 
-    /// Returns each alarm that holds, with the instant at which it began, the gravest first.
+    /// Returns each alarm that holds at present, with the instant at which it began, the gravest first.
     pub fn raised(&self) -> impl Iterator<Item = Raised> {
         self.held.iter().map(|alarm| Raised { alarm, since_us: self.since_us[alarm as usize] })
     }

@@ -1,6 +1,6 @@
 //! Finds the objects in a message that carries several.
 //!
-//! The message's length and, over MAVLink, its payload type determine which objects are in it. So a damaged identifier
+//! The message's length and, over MAVLink, its payload type determine which objects it carries. So a damaged identifier
 //! makes only its own object unreadable.
 
 use core::ops::Range;
@@ -10,7 +10,7 @@ use profile::{Layout, image};
 
 use crate::Place;
 
-/// The objects of one message.
+/// The objects that one message carries.
 #[derive(Clone, Copy, Debug)]
 pub struct Bundle<'a> {
     bytes: &'a [u8],
@@ -30,8 +30,8 @@ impl<'a> Bundle<'a> {
         (count > 0 && is_run && length == bytes.len()).then_some(Self { bytes, first, count })
     }
 
-    /// Returns the objects from `first` on, in the order of the map, that fill `bytes`; `None` if the length of `bytes`
-    /// does not fit.
+    /// Returns the objects that fill `bytes`: those from `first` on, in the order of the map. `None` if the length of
+    /// `bytes` does not fit.
     #[must_use]
     pub fn from_first(first: Place, bytes: &'a [u8]) -> Option<Self> {
         (1..=Place::COUNT).find_map(|count| Self::new(first, count, bytes))

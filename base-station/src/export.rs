@@ -41,8 +41,8 @@ pub const COLUMNS: &str = "time,drone,object,timestamp_ms,age_ms,status,latitude
 /// The time without valid positions after which a track is interrupted, µs.
 pub const GAP_US: u64 = 2_000_000;
 
-/// Writes the recording that `reader` reads; `progress` gets the number of bytes read. Returns the number of written
-/// objects (CSV) or points (GPX, KML).
+/// Writes the recording that `reader` reads in the form of the export. `progress` gets the number of bytes read.
+/// Returns the number of written objects (CSV) or points (GPX, KML).
 ///
 /// # Errors
 ///
@@ -88,12 +88,13 @@ pub fn export<R: Read, W: Write>(
     Ok(written)
 }
 
-/// Judges a record again and returns the objects that were judged when it was recorded. If the signature was refused,
-/// there are none.
+/// Judges a record again, and returns those objects that were judged when it was recorded. The result is empty if the
+/// signature was refused then.
 pub fn judge(intake: &mut Intake, record: &Record) -> Vec<Judged> {
     intake.take_if(&record.carried, |who, place| {
         let who = who.to_string();
-        // The number of a drone's sender may differ from the recorded one.
+        // A drone's sender may have another number now than when it was recorded, so only the drone's own id is
+        // compared.
         let is_of = |drone: &str| drone.strip_prefix(&who).is_some_and(|rest| rest.is_empty() || rest.starts_with('-'));
         record.found.iter().any(|found| found.place == place && is_of(&found.drone))
     })
@@ -135,7 +136,7 @@ fn row(intake: &Intake, judged: &Judged, at_us: u64) -> String {
             let words = if status.last_refused() { "last refused" } else { "none refused" };
             write!(row, ",{},{age_ms},0x{:04x},,,,,,,,,,{words}", held.timestamp, status.bits())
         }),
-        // The uplink's timestamp is on the clock of the base station that sent it, so its age is not known.
+        // An uplink has no known age, because its timestamp is on the clock of the base station that sent it.
         Place::Uplink => drone.uplink().map_or(Ok(()), |uplink| {
             write!(row, ",{},,0x{:04x},,,,,,,,,,", uplink.timestamp(), uplink.values().status.bits())
         }),

@@ -59,7 +59,7 @@ impl fmt::Display for Who {
     }
 }
 
-/// Identifies a drone: by its own id, and by the sender among those that use that id.
+/// Identifies a drone: by the id that its carrier states, and by the sender among those that use this id.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct DroneId {
     /// The id that the sender states for its drone.
@@ -122,7 +122,8 @@ impl Fleet {
     pub fn take(&mut self, who: Who, source: Source, at_us: u64, bundle: &Bundle<'_>) -> (DroneId, Vec<Verdict>) {
         let mine: Vec<DroneId> = self.of(who).filter(|(_, sender)| sender.source == source).map(|(id, _)| id).collect();
         let fits = |id: &&DroneId| self.drones.get(id).is_some_and(|sender| sender.drone.fits(at_us, bundle));
-        // If only one sender has this id and source, its own state determines whether the message is another sender's.
+        // If this id and source have a single sender, that sender's own state determines whether the message is another
+        // sender's.
         let fitting = mine.iter().find(|id| mine.len() == 1 || fits(id)).or(mine.first()).copied();
         if bundle.objects().all(|(place, _)| place == Place::Hold) {
             let sender = fitting.and_then(|id| Some((id, self.drones.get_mut(&id)?)));

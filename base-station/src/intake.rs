@@ -10,7 +10,7 @@ use crate::carrier::published::{Name, Published};
 use crate::carrier::stream::Deframer;
 use crate::{Bundle, Change, DroneId, Fleet, Place, Source, Verdict, Who};
 
-/// The length of the longest datagram with objects, bytes: more than an Ethernet frame. Longer datagrams are refused
+/// The greatest length of a datagram with objects, bytes: more than an Ethernet frame. Longer datagrams are refused
 /// unread.
 pub const MAX_DATAGRAM: usize = 2_048;
 
@@ -48,7 +48,7 @@ impl Kind {
 /// Bytes that arrived together, with their origin.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Carried {
-    /// The instant at which the bytes arrived, µs since 1970; it does not go back.
+    /// The instant at which the bytes arrived, µs since 1970. It never goes back from one arrival to the next.
     pub at_us: u64,
     /// The form of the bytes.
     pub kind: Kind,
@@ -119,14 +119,14 @@ impl Intake {
         self.take_if(carried, |_, _| true)
     }
 
-    /// Judges like [`take`](Self::take), but only objects for which `wanted` is true. For a recording, these are the
-    /// objects that were judged when it was made.
+    /// Judges like [`take`](Self::take), but skips objects for which `wanted` is false. Of a recording, only those
+    /// objects are judged that were judged when it was made.
     pub fn take_if(&mut self, carried: &Carried, wanted: impl Fn(Who, Place) -> bool) -> Vec<Judged> {
         self.take_each(carried, wanted, |_, _, _| {})
     }
 
-    /// Judges like [`take_if`](Self::take_if). `told` gets the objects of each message of a known drone, with the
-    /// verdicts.
+    /// Judges like [`take_if`](Self::take_if). The function `told` gets the objects and verdicts of each message of a
+    /// known drone.
     pub fn take_each(
         &mut self,
         carried: &Carried,

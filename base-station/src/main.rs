@@ -213,7 +213,7 @@ struct Output {
     record: Option<PathBuf>,
 }
 
-/// The interval at which the program checks for failures; the recorder tries again after twice that time.
+/// The interval at which the program checks for failures. The recorder tries again after twice that time.
 const COMPLAIN: Duration = Duration::from_millis(500);
 
 fn main() -> ExitCode {
@@ -295,7 +295,7 @@ fn broker(args: &BrokerArgs) -> Result<Broker> {
     };
     let port = |digits: &str| digits.parse().with_context(|| format!("{digits} is no port"));
     let (host, port) = match address.rsplit_once(':') {
-        // An IPv6 address without a port ends with a bracket.
+        // If an IPv6 address ends with a bracket, it has no port.
         Some((host, digits)) if !digits.ends_with(']') => (host, port(digits)?),
         _ => (address, if encrypted { 8883 } else { 1883 }),
     };
@@ -382,7 +382,7 @@ fn export(file: &Path, form: Option<Forms>, output: &Path) -> Result<()> {
     bar.finish_and_clear();
     eprintln!("{} {}", written?, if form == Form::Csv { "objects" } else { "points" });
     told_torn(&reader);
-    // A user may name only the first part. The newest recording is then in a file with a higher number.
+    // A user may name only the first file of a recording. The newest part is then in a file with a higher number.
     let more: Vec<_> = (1..).map(|number| Files::name(file, number)).take_while(|part| part.exists()).collect();
     if let Some(last) = more.last() {
         eprintln!("{} alone: there are {} more beside it, the last is {}", file.display(), more.len(), last.display());
@@ -447,7 +447,7 @@ fn verifier(listen: &Listen) -> Result<Option<Verifier>> {
     Ok(key(listen)?.map(Verifier::new))
 }
 
-/// The number of the link in this station's signatures. Each sender with the same key needs a different number.
+/// The number of the link in this station's signatures. Senders with the same key need different numbers.
 const SIGNING_LINK: u8 = 254;
 
 fn speak(listen: &Listen, allow: &Allow, station: &Station) -> Result<()> {
@@ -546,7 +546,7 @@ async fn interrupted(seconds: Option<u64>) -> Result<()> {
             None => std::future::pending().await,
         }
     };
-    // A service manager ends the program by the signal TERM. The recording must then be whole as well.
+    // A service manager ends the program by the signal TERM. The recording must be whole then too.
     #[cfg(unix)]
     let mut term = signal(SignalKind::terminate())?;
     #[cfg(unix)]
@@ -607,7 +607,7 @@ fn show(station: Station, player: Option<Arc<playback::Player>>, page: &Page) ->
         let address = listener.local_addr()?;
         println!("http://{address}/");
         let router = page::router(station, player, access);
-        // A graceful shutdown would wait for the event streams, which do not end.
+        // A graceful shutdown would wait for the event streams, which never end.
         tokio::select! {
             served = serve::serve(listener, router, Limits::default()) => served.context("the page ended"),
             ended = interrupted(page.seconds) => ended,

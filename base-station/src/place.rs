@@ -98,7 +98,7 @@ impl Place {
     #[must_use]
     pub fn judge(self, bytes: &[u8]) -> Shown<Intact<'_>> {
         let damaged = Shown::Damaged(profile::Rejection::Length);
-        // The layout with the most receivers has every kind of object.
+        // The layout with the most receivers has a place for every kind of object.
         let [.., layout] = Layout::ALL.map(Layout::with_hold);
         let offset = match self {
             Self::LinkStatus => Some(image::LINK_STATUS),
@@ -154,9 +154,9 @@ pub enum Intact<'a> {
 }
 
 impl Intact<'_> {
-    /// Returns the object's timestamp, ms, which wraps. That of Link-Status and Port-Status counts from the DPR's
-    /// start, that of the profile's objects from HORUS's start, that of Hold-Status from the hold's start. The uplink's
-    /// is on the base station's clock.
+    /// Returns the object's timestamp, ms, which wraps. Link-Status and Port-Status count from the DPR's start, the
+    /// profile's objects from HORUS's start, and Hold-Status from the hold's start. The uplink's timestamp is on the
+    /// base station's clock.
     #[must_use]
     pub const fn timestamp(self) -> u32 {
         match self {

@@ -122,7 +122,7 @@ impl Flying {
             let mut forwarders: Vec<_> = systems.map(|system| Forwarder::new(system, 1, rates)).collect();
             let began = Instant::now();
             while !told.load(Ordering::Relaxed) {
-                // The drones' timestamps follow real time, even if this thread is delayed.
+                // The drones' timestamps follow real time, so that a delay of this thread does not slow them down.
                 let ms = u32::try_from(began.elapsed().as_millis()).unwrap() / 10 * 10;
                 for forwarder in &mut forwarders {
                     forwarder.offer(&Bundle::datagram(&image(ms)).unwrap());
@@ -208,7 +208,7 @@ fn a_page_fed_by_the_broker_shows_the_drones_of_all_stations() {
     let recorded = objects(all.clone(), "");
     assert!(recorded.len() >= 2 * 5 * 5, "before and after the restart, five drones, five objects each");
     for (station, file) in [("north", north), ("south", south)] {
-        // Each object that came through the broker must be one that the publishing station recorded, in the same order.
+        // The publishing station recorded every object that came through the broker, in the same order.
         let here = objects(file, station);
         let through = objects(all.clone(), station);
         let through: Vec<_> = through.iter().filter(|(drone, ..)| !drone.contains('/')).collect();
@@ -267,7 +267,7 @@ fn what_somebody_else_publishes_there_changes_nothing() {
     until("both show the drone, and no other", || fresh(late) == ["north/7"] && fresh(page) == ["north/7"]);
     for page in [page, late] {
         let drones = state(page)["drones"].as_array().unwrap().len();
-        // The earlier subscriber may show `north/8`, because it got that message when it was new.
+        // The subscriber that started earlier may show `north/8`, because it got that drone's message when it was new.
         let ids: Vec<_> = (0..drones).map(|nth| state(page)["drones"][nth]["id"].clone()).collect();
         assert!(ids.iter().all(|id| id == "north/7" || id == "north/8"), "{ids:?}");
         assert!(page != late || ids.len() == 1, "{ids:?}");
@@ -307,7 +307,7 @@ fn over_tls_only_an_authenticated_broker_and_station_exchange_data() {
     certificate(&folder, &authority(&folder, "theirs"), "stranger", "north", 2090);
     let file = |name: &str| folder.join(name).to_str().unwrap().to_owned();
 
-    // A broker that drops its privileges could not read the files in another user's folder.
+    // Without `user root` the broker would drop its privileges, and could not read the files in another user's folder.
     let lines = |certificate: &str| {
         let [ca, certificate, key] = [file("ours.pem"), file(certificate), file(&certificate.replace("pem", "key"))];
         format!("user root\ncafile {ca}\ncertfile {certificate}\nkeyfile {key}\nrequire_certificate true\n")
@@ -325,7 +325,7 @@ fn over_tls_only_an_authenticated_broker_and_station_exchange_data() {
     let (_all, page, _) = horus_base(&[&["subscribe", "--broker", &at][..], &known].concat());
     let _flying = Flying::start(7..=7, udp.unwrap());
     until("the drone is shown", || fresh(page) == ["north/7"]);
-    // A connected station still reports the arrivals that it could not publish before.
+    // At first a connected station still reports the arrivals that it could not publish before it was connected.
     let is_well = |page| state(page)["station"]["lines"].as_array().unwrap().is_empty();
     until("nothing is wrong", || is_well(page) && is_well(north_page));
 

@@ -71,7 +71,7 @@ impl Beats {
     }
 }
 
-/// Only one browser runs at a time, because two would disturb each other's measurements.
+/// The lock that lets only one browser run at a time, because two would disturb each other's measurements.
 static ALONE: Mutex<()> = Mutex::new(());
 
 fn alone() -> MutexGuard<'static, ()> {
@@ -88,7 +88,7 @@ fn screenshot(tab: &mut Tab, name: &str) {
     tab.picture(&target.join(name).with_extension("png"));
 }
 
-/// What makes a voice send uplinks or commands.
+/// A function that makes a [`Voice`] send uplinks or commands.
 type Enable = fn(Voice) -> Voice;
 
 struct Scene {
@@ -108,8 +108,8 @@ impl Scene {
         Self::with_key(clock, None)
     }
 
-    /// Starts a station with this clock. With a key, it sends what the function enables, and accepts only messages
-    /// signed with the key.
+    /// Starts a station with this clock. With a key, the station accepts only messages signed with the key, and sends
+    /// what the function enables.
     fn with_key(clock: impl FnOnce(Arc<AtomicU64>) -> Clock, key: Option<(Key, Enable)>) -> Self {
         let passed_us = Arc::new(AtomicU64::new(0));
         let clock = clock(Arc::clone(&passed_us));
@@ -315,7 +315,7 @@ fn every_value_shown_is_the_one_that_was_sent() {
     let after = now_ms() - last.taken;
     for age in &ages {
         let ms = age.strip_suffix(" s").and_then(|age| age.parse::<f64>().ok()).unwrap() * 1e3;
-        // On a busy machine the display may lag by two pushes and one frame of the screen.
+        // On a busy machine the displayed age may lag by two pushes and one frame of the screen.
         assert!((before - 250.0..=after + 50.0).contains(&ms), "{ages:?}, {before} to {after} ms");
     }
     scene.is_clean(&mut tab);
@@ -327,7 +327,7 @@ fn the_page_marks_data_as_old_within_half_a_second() {
     let Some(mut tab) = tab("stale") else { return };
     let mut scene = Scene::begin();
     tab.open(&scene.address());
-    // The script records the instants at which the verdict changes, and each of its own runs, every 10 ms.
+    // Every 10 ms a script records the time. It also records each instant at which the verdict changes.
     tab.eval(
         "window.turns = []; window.beats = [];
         new MutationObserver(() => turns.push([Date.now(), document.body.className]))
@@ -347,7 +347,7 @@ fn the_page_marks_data_as_old_within_half_a_second() {
             let beats: Vec<f64> = beats.collect();
             beats.windows(2).map(|beats| beats[1] - beats[0]).fold(0.0, f64::max)
         };
-        // The measurement is not valid if other work stopped the browser or the base station.
+        // The measurement is not valid if other work kept the browser or the base station from running.
         if longest(beats) <= UNDISTURBED && longest(own.take()) <= UNDISTURBED {
             let turns = tab.eval("turns");
             assert!(verdict.ends_with("OLD DATA"), "{verdict}, sent {last:?}, old at {at}; {turns}");
@@ -359,11 +359,10 @@ fn the_page_marks_data_as_old_within_half_a_second() {
     }
     println!("old after {took:?} ms; where the machine did not let the browser or the station run, {disturbed:?}");
     assert!(took.iter().all(|(_, since_gone)| *since_gone <= SAYS_OLD_WITHIN), "{took:?}");
-    // The last sample may be 10 ms older, because timestamps are those of cycles. `Date.now()` returns whole
-    // milliseconds.
+    // Timestamps are those of cycles, so the last sample may be 10 ms older. `Date.now()` returns whole milliseconds.
     assert!(took.iter().all(|(since_taken, _)| *since_taken >= 400.0 - 10.0 - 1.0), "{took:?}");
     screenshot(&mut tab, "stale");
-    // A state that was delayed by 200 ms must not make data look younger.
+    // A state that arrives 200 ms late must not make its data look younger.
     let held_up = "(() => {
             const drone = { ...state.drone, reported: { ...state.drone.reported } };
             drone.reported.age_ms -= 200;
@@ -439,7 +438,7 @@ fn the_page_is_readable_on_each_screen_in_light_and_dark() {
     let Some(mut tab) = tab("looks") else { return };
     let mut scene = Scene::begin();
     tab.open(&scene.address());
-    // Computes relative luminance and contrast by WCAG 2.2. The background is the nearest one that is not transparent.
+    // Relative luminance and contrast are those of WCAG 2.2. The background is the nearest one that is not transparent.
     let contrast = "window.contrast = (selector) => {
         const parts = (colour) => colour.match(/[\\d.]+/g).map(Number);
         const luminance = (colour) => {
@@ -507,10 +506,10 @@ fn the_page_can_be_used_by_keyboard_and_says_what_it_shows() {
     while order.len() < 8 {
         tab.press("Tab");
         order.push(tab.eval(focused).as_str().unwrap_or_default().to_owned());
-        // The other drone is silent by now, so the page may have a button to acknowledge that alarm.
+        // The other drone is silent by this time, so the page may have a button to acknowledge that alarm.
         order.retain(|id| id != "acknowledge");
     }
-    // The three elements without a name are the list of changes and two drones in the list of all drones.
+    // Three elements have no id: the list of changes, and two drones in the list of all drones.
     assert_eq!(order, ["drone", "sound", "notify", "live-keys", "", "", "", "scroll"]);
     assert_eq!(tab.eval("getComputedStyle(document.activeElement).outlineStyle"), "solid", "the focus is seen");
     tab.eval("document.getElementById('drone').focus()");
@@ -579,11 +578,11 @@ fn well(ms: u32, change: impl FnOnce(&mut ReportedValues, &mut [GpsValues; 3])) 
 
 type Change = fn(&mut ReportedValues, &mut [GpsValues; 3]);
 
-/// The longest time from a fault's first message until the page reports the fault.
+/// The longest time from the first message of a fault until the page reports the fault.
 const SAYS_WITHIN: Duration = Duration::from_secs(2);
 
-/// Calls `send` until the page shows `said` with the class `level`, within the bound. Then takes screenshots on a desk
-/// and on a phone, in light and in dark.
+/// Calls `send` until the verdict on the page begins with `said` and the page has the class `level`, within
+/// [`SAYS_WITHIN`]. Then takes screenshots on a desk and on a phone, in light and in dark.
 fn shows(tab: &mut Tab, name: &str, said: &str, level: &str, mut send: impl FnMut()) {
     let wanted = format!(
         "document.getElementById('verdict').textContent.startsWith({}) && document.body.dataset.level === '{level}'",
@@ -630,7 +629,7 @@ fn what_is_wrong_is_said_first_and_nothing_of_it_is_green() {
             reported.status = reported.status.with_state(HorusState::EmergencyFired);
         }),
         ("invalid", "no position: too few receivers agree", |reported, _| {
-            // The image has numbers for the position, but the page must not show them.
+            // The image has numbers for the position although it is invalid, and the page must not show them.
             reported.status = reported.status.with_position_valid(false).with_receivers_agreeing(1);
         }),
         ("position-lost", "HORUS has lost its position and does not monitor", |reported, _| {
@@ -649,7 +648,8 @@ fn what_is_wrong_is_said_first_and_nothing_of_it_is_green() {
     for (name, said, change) in scenes {
         shows(&mut tab, &format!("{name}-before"), "live", "well", || _ = scene.send(|ms| well(ms, |_, _| {})));
         shows(&mut tab, name, said, "critical", || _ = scene.send(|ms| well(ms, change)));
-        // Taking a screenshot takes so long that the messages seem to stop.
+        // A screenshot takes so long that the drone seems silent afterwards, so messages are sent until the title shows
+        // the fault again.
         let told = format!("document.title.startsWith('!! 7: ' + {})", json!(said));
         let mut sent = 0;
         while tab.eval(&told) != Value::Bool(true) {
@@ -763,7 +763,7 @@ fn eight_drones_are_seen_with_the_worst_in_the_title() {
     let of = |id: &str| fleet.iter().find(|row| row[0] == id).unwrap()[1].clone();
     assert!(of("11").starts_with("HORUS has fired the emergency measure"), "{fleet:?}");
     assert!(of("13").contains("fewer receivers agree") || of("13").contains("old"), "{fleet:?}");
-    // A new drone never replaces the displayed one, also after a reload.
+    // The displayed drone stays when a new drone appears, even after a reload.
     assert_eq!(tab.eval("new URLSearchParams(location.search).get('drone')"), "7");
     let mut early = scene.another(1);
     scene.send_by(&mut early, |ms| well(ms, |_, _| {}));
@@ -780,13 +780,13 @@ fn more_tabs_than_a_browser_has_connections_show_the_drone() {
     tab.open(&scene.address());
     scene.fly_until(&mut tab, FRESH);
     tab.eval("window.tabs = []; true");
-    // Browsers allow only six connections to one host, and there are more tabs than that.
+    // Nine tabs are opened, more than the six connections that browsers allow to one host.
     for count in 1..=9 {
         let expression = "tabs.push(window.open(location.href, '_blank'))";
         let opened = json!({ "expression": expression, "userGesture": true, "returnByValue": true });
         assert_eq!(tab.command("Runtime.evaluate", opened)["result"]["value"], count);
     }
-    // A tab in the background draws nothing, but reports the age of its data.
+    // A tab in the background draws nothing, but still reports the age of its data.
     let fresh = "tabs.every((tab) => tab && tab.document.body && tab.document.body.className === 'fresh')";
     scene.fly_until(&mut tab, fresh);
     scene.fly_until(&mut tab, FRESH);
@@ -963,7 +963,7 @@ fn a_playback_can_be_controlled_by_keyboard_alone() {
     until(&mut tab, "pause", "Pause");
     tab.until("document.getElementById('speed').value === '3'");
 
-    // Played-back data are never displayed in green, nor announced as present.
+    // The page never displays played-back data in green, and never announces them as present.
     tab.until("document.getElementById('verdict').textContent.startsWith('PLAYBACK · ')");
     for (screen, place) in [(browser::Screen { width: 1_200, ..DESK }, "1200"), (PHONE, "390")] {
         tab.screen(screen);
@@ -1011,7 +1011,7 @@ fn a_playback_can_be_controlled_by_keyboard_alone() {
     tab.until(&format!("Math.abs(state.playback.at_s - {wanted}) < 0.001 && settled()"));
     let whole = wanted as u32;
     until(&mut tab, "did", &format!("at {}:{:02}", whole / 60, whole % 60));
-    // Selecting a pace must not start a playback that stands still.
+    // A playback that stands still must not start when a pace is selected.
     tab.press("f");
     until(&mut tab, "did", "5 times, when it plays");
     tab.press("s");
@@ -1046,11 +1046,11 @@ fn a_playback_can_be_controlled_by_keyboard_alone() {
     tab.until("state.playback.at_s === 600");
     assert_eq!(player.now_us(), contents.last_us);
     tab.until("document.getElementById('at').getAttribute('aria-valuetext') === '10:00 of 10:00'");
-    // The page must display the state at the displayed instant. The test finds that state by reading the recording.
+    // The page must display the state that belongs to the displayed instant. The recording says which one that is.
     until(&mut tab, "time", "670.0 s");
     screenshot(&mut tab, "playback");
 
-    // Keys with a modifier are left to the browser. Single keys have no effect where keys are switched off.
+    // Keys with a modifier are left to the browser. Where single keys are switched off, they have no effect.
     let alone = "dispatchEvent(new KeyboardEvent('keydown', { key: 'p', ctrlKey: true, cancelable: true }))";
     assert_eq!(tab.eval(alone), true, "it was not taken");
     tab.eval("document.getElementById('keys').focus()");

@@ -14,7 +14,7 @@ fn a_recording_holds_all_that_arrived_and_takes_no_memory_for_it() {
     assert!(figures.is_good(), "{figures:?}");
     assert!(figures.growth_kb() < 4 << 10, "{figures:?}");
     assert_eq!((figures.arrivals, figures.parts), (60_600, 1));
-    // Each of the 600 damaged messages loses one object, because no flipped bit is in an unprotected field.
+    // The 600 damaged messages lose one object each, because every flipped bit lies in a field that a CRC protects.
     assert_eq!(figures.refused, 600);
     assert_eq!(figures.shown, 60_000 * 5 - 600);
 }

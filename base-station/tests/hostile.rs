@@ -148,8 +148,7 @@ fn readers_that_take_nothing_are_given_up_and_hold_no_other_up() {
     for reader in &mut readers {
         write!(reader, "GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
     }
-    // The page closes each connection from which the client does not read. The client's next write then fails with a
-    // reset.
+    // The page closes the connection of a client that does not read. The client's next write then fails with a reset.
     let began = Instant::now();
     while !readers.is_empty() {
         assert!(began.elapsed() < BOUND, "{} readers are still there", readers.len());
@@ -180,7 +179,7 @@ fn the_page_answers_again_after_a_thousand_idle_connections() {
     let watcher = Watcher::start(&page);
     for _ in 0..5 {
         let mut idle: Vec<TcpStream> = (0..200).map(|_| page.connect()).collect();
-        // The connections beyond the limit are closed at once. The others are closed after a time without a request.
+        // Connections beyond the limit are closed at once. Those within it are closed after a time without a request.
         for stream in &mut idle {
             let bytes = all(stream);
             assert!(bytes.is_empty() || bytes.starts_with(b"HTTP/1.1 408"), "{}", String::from_utf8_lossy(&bytes));
@@ -244,7 +243,7 @@ fn malformed_requests_are_refused_and_smuggle_nothing() {
     ];
     for (what, request) in &refused {
         let mut stream = page.connect();
-        // The page may close the connection before everything is written.
+        // The page may refuse a request and close the connection before the client has written everything.
         let _ = stream.write_all(request).and_then(|()| stream.shutdown(std::net::Shutdown::Write));
         let answer = String::from_utf8_lossy(&all(&mut stream)).into_owned();
         assert!(answer.is_empty() || answer.starts_with("HTTP/1.1 4"), "{what}: {answer}");

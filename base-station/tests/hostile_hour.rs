@@ -65,7 +65,7 @@ struct Hour {
     intake: Intake,
     drawn: Drawn,
     now: u64,
-    /// The messages that have not arrived yet, by the instant of arrival and a serial number, with source and bytes.
+    /// The messages that are still on their way, by the instant of arrival and a serial number, with source and bytes.
     on_the_way: BTreeMap<(u64, u64), (String, Vec<u8>)>,
     count: u64,
     kept: Vec<(String, Vec<u8>)>,

@@ -18,8 +18,8 @@ const BOUND: Duration = Duration::from_secs(60);
 /// socket.
 fn start(arguments: &[&str], file: &Path, limit: &str) -> (Child, BufReader<ChildStderr>, SocketAddr) {
     let mut command = Command::new("sh");
-    // When a file must not grow, the system ends the process by a signal. With this trap, the write fails instead, as
-    // on a full disk.
+    // When a file would exceed its limit, the system ends the process by a signal. This trap makes the write fail
+    // instead, as on a full disk.
     command.arg("-c").arg(format!("trap '' XFSZ; {limit}; exec \"$0\" \"$@\"")).arg(env!("CARGO_BIN_EXE_horus-base"));
     command.args(arguments).args(["--datagrams", "127.0.0.1:0"]).arg(file);
     let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
@@ -74,7 +74,7 @@ fn a_recorder_that_is_killed_loses_less_than_a_second() {
 fn a_recorder_survives_a_full_disk_and_keeps_what_it_wrote() {
     let folder = folder("full");
     let file = folder.join("flight.mcap");
-    // The limit of 256 blocks is 128 KiB for a part: about two chunks of half a second.
+    // `ulimit` counts 256 blocks, 128 KiB, for a part of the recording. That is about two chunks of half a second.
     let (mut child, mut said, address) = start(&["record"], &file, "ulimit -f 256");
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
     let began = Instant::now();
@@ -85,12 +85,12 @@ fn a_recorder_survives_a_full_disk_and_keeps_what_it_wrote() {
         time += 10;
         thread::sleep(Duration::from_millis(10));
     }
-    // The recovery is reported once data are on the disk, not when a file could be made.
+    // The recorder reports the recovery only once data are on the disk, and not when it has made a file.
     let mut words = String::new();
     while !words.contains("recording works again") {
         assert!(said.read_line(&mut words).unwrap() > 0, "{words}");
     }
-    // A service manager ends a program by the signal TERM. The file must then be whole as well.
+    // A service manager ends a program by the signal TERM. The file must then be whole too.
     let end = Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
     assert!(end.success());
     assert!(child.wait().unwrap().success());

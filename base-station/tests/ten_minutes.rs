@@ -68,7 +68,7 @@ fn carry(drawn: &mut Drawn, now_us: u64, bytes: &[u8], on_the_way: &mut Vec<Mess
                 bytes[bit / 8] ^= 1 << (bit % 8);
             }
         }
-        // If the same bit was flipped twice, the message is intact again.
+        // A bit that was flipped twice leaves the message intact.
         let damaged = bytes != original;
         on_the_way.push(Message { arrives_us: now_us + delay_us, bytes, damaged, foreign: false });
     }
@@ -137,7 +137,7 @@ fn over_mavlink_exactly_the_intact_objects_are_accepted() {
     let mut whole = 0_u64;
     for message in &messages {
         let received = receiver.datagram(0, &message.bytes);
-        // The objects' own CRCs detect damage that MAVLink's checksum misses.
+        // MAVLink's checksum misses some damage, which the objects' own CRCs detect.
         whole += u64::from(!message.damaged);
         for received in received {
             judge.take(message, &received.bundle().unwrap());

@@ -1,6 +1,6 @@
 //! Either board of the link alone on a desk, with its front end outside any RFID field and nothing else connected.
 //!
-//! The cores use the pessimistic clock, because the on-target test suites must meet their time bounds on it.
+//! The cores use the pessimistic clock, because the test suites on the board must meet their time bounds on it.
 
 use cortex_m4::Pessimistic;
 use nrf52840::{Nrf52840, Settings};
@@ -14,19 +14,20 @@ use emulator_node::Node;
 /// One of the two boards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Desk {
-    /// nRF52840-DK. Its microcontroller has build code AAF0, so the debug port of a new one is locked.
+    /// The nRF52840-DK. Its microcontroller has build code AAF0, so the debug port is locked while the microcontroller
+    /// is new.
     Dpr,
     /// NUCLEO-F429ZI.
     Horus,
 }
 
-/// Switches a board on and returns its debug port.
+/// Switches a board on, and returns its debug port.
 ///
-/// The microcontroller's memory holds `kept`, the result of an earlier [`Wire::kept`], or is that of a new
-/// microcontroller. Returns `None` if `kept` does not have [`kept_bytes`] bytes.
+/// The microcontroller has the memory `kept`, the result of an earlier [`Wire::kept`], or is new if `kept` is `None`.
+/// Returns `None` if `kept` does not have [`kept_bytes`] bytes.
 #[must_use]
 pub fn switch_on(desk: Desk, kept: Option<&[u8]>) -> Option<Box<dyn Wire>> {
-    // The boards supply the front end's chip with 5 V.
+    // Both boards supply the front end's chip with 5 V.
     let chip = Chip::new(Config { vdd_mv: 5000, ..Config::default() });
     Some(match desk {
         Desk::Dpr => {

@@ -12,9 +12,9 @@ use crate::faults::plan::LAST_BEFORE_END;
 use crate::faults::{Episode, Fault, Faults, Kind, PowerFault};
 use crate::sim::{Debugged, Error, Observer, Outcome, Setup};
 
-/// Runs the link to its end with the debugger on `connection` at the board called `side`. The board is halted at
-/// power-on until the debugger lets it run. An error of the connection is passed to `lost`, and the run continues
-/// without a debugger.
+/// Runs the link to its end. The debugger on `connection` works at the board called `side`, which is halted at power-on
+/// until the debugger lets it run. An error of the connection is passed to `lost`, and the run continues without a
+/// debugger.
 ///
 /// # Errors
 ///
@@ -99,7 +99,7 @@ monitor faults LIST             what goes wrong from now on, drawn from the seed
         self.run.now()
     }
 
-    /// The reset is injected as a fault, so the event log shows it.
+    /// The reset is injected as a fault, so that the event log shows it.
     fn pull_reset(&mut self) {
         let now = self.node().now();
         let fault = Fault::Power(self.side, PowerFault::Pin);
@@ -115,7 +115,7 @@ monitor faults LIST             what goes wrong from now on, drawn from the seed
 }
 
 impl<C: Cost> Link<'_, C> {
-    /// Adds faults of the kinds in `list` from now on and returns a message for the user.
+    /// Adds faults of the kinds in `list` from now on. Returns a message for the user.
     fn faults(&mut self, list: &str) -> String {
         let kinds: Result<Vec<Kind>, _> = list.split(',').map(str::parse).collect();
         let kinds = match kinds {
@@ -124,7 +124,7 @@ impl<C: Cost> Link<'_, C> {
         };
         if let Some(upset) = kinds.iter().find(|kind| kind.is_upset()) {
             return format!(
-                "{upset}: upsets are tried on copies of the bench, by `cargo xtask sim --faults {upset}`\n"
+                "{upset}: upsets are tried on copies of the bench, by `cargo xtask campaign --kinds {upset}`\n"
             );
         }
         let now = self.run.now();

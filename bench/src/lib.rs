@@ -8,6 +8,8 @@
 #![forbid(unsafe_code)]
 
 pub mod boards;
+pub mod campaign;
+mod danger;
 pub mod desk;
 pub mod faults;
 #[cfg(feature = "gdb")]

@@ -21,7 +21,7 @@ use st25r3916_model::{Air, AirEvent, AirFaults, Config};
 
 const MS: u64 = 1_000_000;
 
-/// The number of bytes generated per millisecond, more than a line carries at 460 800 baud.
+/// The number of bytes that are generated for each millisecond: more than a line carries at 460 800 baud.
 const A_MILLISECOND: usize = 47;
 
 /// Noise that is the same in every run, from a linear congruential generator (Knuth's MMIX).
@@ -37,7 +37,7 @@ impl Noise {
 #[derive(Clone, Copy, Debug)]
 enum Babble {
     Noise,
-    /// Beginnings of UBX messages of the greatest length.
+    /// The line carries beginnings of UBX messages of the greatest length.
     Beginnings,
     /// Whole, unsolicited UBX messages.
     Unasked,
@@ -49,7 +49,7 @@ fn receivers_that_never_stop_talking_do_not_move_a_frame() {
         let Some(mut node) = boards::horus() else { return };
         let mut noise = Noise(1);
         let mut starts = vec![];
-        // The run covers HORUS's start and 48 cycles from the first frame on.
+        // The run lasts until 48 cycles after HORUS's first frame.
         while node.now() < starts.first().map_or(RAM_TEST + 100 * MS, |first| first + 485 * MS) {
             for line in 0..3 {
                 let bytes: Vec<u8> = match babble {
@@ -70,13 +70,13 @@ fn receivers_that_never_stop_talking_do_not_move_a_frame() {
             }
         }
         assert_eq!(starts.len(), 49, "{babble:?}");
-        // The firmware determines the transmit command's instant, which has the same phase in every cycle.
+        // The firmware alone determines the instant of the transmit command, which has the same phase in every cycle.
         let commands = node.board_mut(|board| board.front_end.take_transmits());
         assert_eq!(commands.len(), 49, "{babble:?}");
         for pair in commands.windows(2) {
             assert!((pair[1] - pair[0]).abs_diff(10 * MS) <= TICK_TO_COMMAND_JITTER, "{babble:?}: {pair:?}");
         }
-        // The front end adds its own scatter between the command and the first bit.
+        // The front end adds a scatter of its own between the transmit command and the first bit.
         let scatter = TICK_TO_COMMAND_JITTER + Config::default().transmit_scatter_ns;
         for pair in starts.windows(2) {
             assert!((pair[1] - pair[0]).abs_diff(10 * MS) <= scatter, "{babble:?}: {pair:?}");
@@ -87,7 +87,8 @@ fn receivers_that_never_stop_talking_do_not_move_a_frame() {
         for line_number in 0..3 {
             let line = std::mem::offset_of!(HorusTelemetry, lines) + line_number * size_of::<LineTelemetry>();
             let bytes = count(line + std::mem::offset_of!(LineTelemetry, bytes));
-            // HORUS takes all bytes of a UART but the last ones in the ring. It drops old bytes of a bus (decision 16).
+            // HORUS takes all bytes of a UART except the last ones in the ring. On a bus it drops bytes that are old
+            // (decision 16).
             let taken = [20_000..=23_500, 0..=0, 0..=0][line_number].clone();
             assert!(taken.contains(&bytes), "{babble:?}, receiver {line_number}: {bytes} bytes taken");
             assert_eq!(count(line + std::mem::offset_of!(LineTelemetry, overruns)), 0, "{babble:?}");
@@ -191,9 +192,9 @@ fn a_flight_controller_that_misuses_the_ssi_costs_no_frame() {
         let wrong = downstream.wrong;
         let violations = count(&dpr, std::mem::offset_of!(DprTelemetry, access_violations));
         println!("{}: {wrong} transactions, load {load:.4}, {violations} access violations", conduct.name());
-        // The frame of HORUS's tick at 31 ms is the first, and that of the tick at 411 ms the last.
+        // The DPR has received the frames of HORUS's ticks from 31 ms to 411 ms.
         assert_eq!(count(&dpr, std::mem::offset_of!(DprTelemetry, frames_received)), 39, "{conduct:?}");
-        // The DPR does not show the cycles with which it finds the sequence.
+        // The DPR does not show the first cycles, which find the sequence.
         let shown = 39 - u32::from(SEARCH_CYCLES);
         assert_eq!(count(&dpr, std::mem::offset_of!(DprTelemetry, objects_accepted)), shown * 4, "{conduct:?}");
         for (name, offset) in [
@@ -206,21 +207,23 @@ fn a_flight_controller_that_misuses_the_ssi_costs_no_frame() {
         }
         let images = u32::try_from((EPISODE.end - EPISODE.start) / (10 * MS)).unwrap();
         let expected = match conduct {
-            // Noise contains no request and no object, so each such transaction counts one violation of each kind.
+            // Noise contains neither request nor object. Each transaction therefore counts one violation for the
+            // request and one for the object.
             Conduct::RunsAway => 3..=3,
             Conduct::RandomBytes => 225..=225,
-            // The windows in the requests do not exist, and the bytes in place of an object are none.
+            // The requested windows do not exist, and the bytes in place of an object are no object.
             Conduct::Lies => 75..=90,
-            // The first of the repeated uplink objects is new; each of the others counts as a violation.
+            // The uplink object is new only the first time. Each repetition counts as a violation.
             Conduct::ReplaysUplink => 74..=74,
-            // Each image whose granted transactions are exceeded counts as one violation.
+            // An image grants a number of transactions. Each image for which the flight controller makes more counts as
+            // one violation.
             Conduct::Hammers | Conduct::ZeroBytes | Conduct::TogglesCsn | Conduct::BackToBack => images..=images + 1,
-            // Zeros request nothing, and bytes after a request are no violation.
+            // Zeros request nothing, and further bytes behind a request are no violation.
             _ => 0..=0,
         };
         assert!(expected.contains(&violations), "{conduct:?}: {violations} violations");
         assert_eq!(dpr.resets().len(), 0, "{conduct:?}");
-        // The bench reports the flight controller's wrong SPI mode, for which the DPR is not at fault.
+        // The bench reports the flight controller's wrong SPI mode as a finding, although the DPR is not at fault.
         let findings = dpr.take_findings();
         assert_eq!(!findings.is_empty(), matches!(conduct, Conduct::OtherMode(_)), "{conduct:?}: {findings:?}");
         assert!(load < 0.1, "{conduct:?}: load {load}");

@@ -12,7 +12,7 @@ const CONTROL: u8 = 4;
 const SELECT: u8 = 8;
 const READ_BUFFER: u8 = 0xC;
 
-/// The AHB-AP's registers, all in bank 0.
+/// The registers of the AHB-AP, all of them in bank 0.
 const CSW: u8 = 0;
 const TAR: u8 = 4;
 const DRW: u8 = 0xC;
@@ -28,7 +28,7 @@ const DCRDR: u32 = 0xE000_EDF8;
 const DEMCR: u32 = 0xE000_EDFC;
 const DEBUG_KEY: u32 = 0xA05F_0000;
 
-/// A simple tool at a board's wires.
+/// A simple debugging tool at a board's wires.
 struct Tool(Box<dyn Wire>);
 
 impl Tool {
@@ -36,7 +36,7 @@ impl Tool {
         Self(switch_on(desk, None).unwrap())
     }
 
-    /// Returns a tool with SWD selected and both power domains powered.
+    /// Returns a debugging tool that has selected SWD and powered both power domains.
     fn connected(desk: Desk) -> Self {
         let mut tool = Self::at(desk);
         tool.connect();
@@ -187,7 +187,7 @@ fn the_halted_core_runs_a_program_that_the_debugger_put_into_ram() {
     assert_eq!(tool.read(DHCSR) >> 19 & 1, 1, "S_LOCKUP");
     tool.halt();
     assert_eq!(tool.read(DHCSR) >> 19 & 1, 0, "S_LOCKUP");
-    // The code is movs r0, #7; adds r0, r0, r0; bkpt 0.
+    // The code written to RAM is movs r0, #7; adds r0, r0, r0; bkpt 0.
     tool.write(0x2000_0100, 0x1800_2007);
     tool.write(0x2000_0104, 0x0000_BE00);
     tool.set_register(15, 0x2000_0100);
@@ -223,7 +223,7 @@ fn flash_keeps_what_was_programmed_over_a_power_cycle() {
     tool.0.pass(MS);
     assert_eq!(tool.read(SR), 0);
     assert_eq!(tool.read(0x0800_4000), 0x1234_5678);
-    // Programming can only clear bits.
+    // Programming of flash can only clear bits.
     tool.write(0x0800_4000, 0xFFFF_0000);
     tool.0.pass(MS);
     assert_eq!(tool.read(0x0800_4000), 0x1234_0000);
@@ -324,7 +324,7 @@ fn the_reset_pin_holds_the_part_and_its_debug_registers_answer_meanwhile() {
 
 #[test]
 fn only_a_pin_reset_clears_the_debug_registers_of_an_nrf52840() {
-    // A pin reset locks the port, so the microcontroller must be erased to be inspected.
+    // A pin reset locks the debug port. A tool must then erase the microcontroller before it can inspect it.
     let erase = |tool: &mut Tool| {
         tool.write_access(1, 0x04, 1);
         tool.0.pass(170 * MS);
@@ -335,7 +335,7 @@ fn only_a_pin_reset_clears_the_debug_registers_of_an_nrf52840() {
     let mut tool = Tool::connected(Desk::Dpr);
     erase(&mut tool);
     tool.halt();
-    // P0.18 becomes the reset pin at the next reset (UICR.PSELRESET, both words).
+    // At the next reset P0.18 becomes the reset pin (UICR.PSELRESET, both words).
     tool.write(NVMC_CONFIG, 1);
     for word in [0x1000_1200, 0x1000_1204] {
         tool.write(word, 18);
@@ -363,7 +363,7 @@ fn an_nrf52840s_watchdog_pauses_while_the_core_is_halted() {
     tool.0.pass(170 * MS);
     assert_eq!(tool.access(1, 0x0C), 1);
     tool.halt();
-    // The program is a loop of one instruction, b.
+    // The program written to RAM is a single branch to itself.
     tool.write(0x2000_0100, 0xE7FE_E7FE);
     // The watchdog's period is 100 ms. It runs while the core sleeps and pauses while the core is halted.
     tool.write(WDT + 0x504, 3276);

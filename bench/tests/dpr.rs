@@ -70,7 +70,8 @@ fn link_status_tells_each_reason_of_the_last_reset_apart() {
         (status.reset_reason(), status.unasked_reset())
     };
     assert_eq!(told(&mut node), (Some(ResetReason::PowerOn), false), "at first");
-    // Successive resets differ, so a reported reason cannot be that of an earlier one.
+    // Successive resets have different reasons. A reason that is reported wrongly from an earlier reset would therefore
+    // show.
     let resets = [
         (Reset::Pin, ResetReason::Pin),
         (Reset::Watchdog, ResetReason::Watchdog),
@@ -124,12 +125,13 @@ fn an_undriven_mosi_reads_the_image_and_violates_nothing() {
     pass(&mut node, 50 * MS);
     let (mut read, mut silent) = (0, 0);
     while node.now() < 1_000 * MS {
-        // The bytes of a whole image, of less than a request, and of less than all that can be written.
+        // The transactions have the length of a whole image, less than a request, and less than the most that can be
+        // written.
         let bytes = [layout().image_len(), 96, 7, 32, 8, 1][read as usize % 6];
         let miso = transact(&mut node, bytes, 0xFF);
         if bytes >= 32 {
             let shown = View::of(node.now(), &miso);
-            // A transaction reads only ones if it begins while the DPR puts in a new image.
+            // A transaction that begins while the DPR puts in a new image reads only ones.
             let is_busy = miso.iter().all(|byte| *byte == 0xFF);
             assert!(shown.link.is_some() || is_busy, "transaction {read} of {bytes} bytes: {miso:02x?}");
             silent += usize::from(is_busy);
@@ -164,7 +166,7 @@ fn a_busy_dpr_keeps_its_window_and_ignores_a_request() {
         pass(&mut node, MS / 10);
         rose = node.board_mut(Dpr::take_fresh);
     }
-    // The SSI's task hangs after the first transaction, so the second one meets a busy DPR.
+    // The task of the SSI hangs after the first transaction, so the second one finds the DPR busy.
     let hung = ImageFault::Hung("SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1".into()).apply(&mut node).unwrap();
     let image = ask(&mut node, 16, 16, whole);
     assert!(image.iter().any(|byte| *byte != 0xFF));
@@ -187,7 +189,8 @@ fn transactions_that_clock_too_many_bytes_out_or_in_are_counted() {
     };
     assert_eq!(counts(&node), (0, 0));
     let image = layout().map_len();
-    // The number of bytes, and whether (1) or not (0) the DPR counts that as reading and as writing too many.
+    // Each row has the length of a transaction, bytes, and whether the DPR counts it (1) or not (0): as reading too
+    // much, and as writing too much.
     let mut expected = (0, 0);
     for (bytes, reads, writes) in [
         (RECEIVE_BYTES, 0, 0),
@@ -219,11 +222,11 @@ fn a_revision_3_parts_debug_port_is_opened_if_uicr_allows_it() {
         let Some(mut node) = boards::dpr_on(settings) else { return };
         node.write(UICR_APPROTECT, &u32::to_le_bytes(uicr)).unwrap();
         pass(&mut node, 50 * MS);
-        // With 0x5A as the hardware's protection word, the port is open only if the firmware has opened it.
+        // With the hardware's protection word at 0x5A, the firmware alone decides whether the debug port is open.
         let software = node.part().debug_port_open(0x5A);
         assert_eq!(software, opened, "{build_code:?} with {uicr:#x}");
         assert_eq!(node.part().debug_port_open(uicr), opened, "{build_code:?} with {uicr:#x}");
-        // A reset closes the debug port, and the firmware opens it again.
+        // After a reset the debug port is closed, and the firmware opens it again.
         node.restart(FromOutside::Pin);
         assert!(!node.part().debug_port_open(uicr));
         pass(&mut node, 50 * MS);

@@ -40,12 +40,12 @@ fn faults_of_every_kind_at_once_violate_nothing_and_the_link_recovers() {
         let Some(report) = report(gps, &ALL, seed) else { return };
         assert_eq!(report.violations, [""; 0], "{gps} receivers, seed {seed}");
         assert_eq!(report.faults.invalid_shown_valid, 0);
-        // The log has faults of each kind by name.
+        // The log must name faults of each kind.
         for kind in ["air", "receiver", "flight controller", "power", "buffer", "input", "hang"] {
             let injected = report.faults.injected.keys().any(|name| name.starts_with(kind));
             assert!(injected, "{kind} of {:?}", report.faults.injected);
         }
-        // The limit is 15 cycles if a front end had to be set up again, and 5 otherwise.
+        // The limit is 15 cycles if a front end had to be brought up again, and 5 otherwise.
         let recovery = report.faults.max_recovery_cycles.unwrap_or_else(|| panic!("seed {seed}: nothing was measured"));
         assert!((1..=15).contains(&recovery), "{gps} receivers, seed {seed}: {recovery} cycles");
         let plain = report.faults.max_recovery_cycles_without_bring_up;
@@ -62,7 +62,7 @@ fn a_kind_of_fault_alone_is_injected_alone() {
         (Kind::Buffers, &["buffer"]),
         (Kind::Inputs, &["input"]),
         // A hang during a start needs a restart before it.
-        (Kind::Hang, &["hang", "dead task", "power horus", "power dpr"]),
+        (Kind::Hang, &["hang", "dead task", "spurious interrupt", "power horus", "power dpr"]),
         (Kind::Chips, &["horus front end register", "dpr front end register"]),
     ] {
         let Some(report) = report(3, &[kind], 9) else { return };
@@ -74,7 +74,8 @@ fn a_kind_of_fault_alone_is_injected_alone() {
     }
 }
 
-/// A short form of `cargo xtask sim --seconds 1000 --faults air,fc,power,buffers --seed 7`, with every fault.
+/// This test is a short form of `cargo xtask sim --seconds 1000 --faults air,fc,power,buffers --seed 7`, with every
+/// fault.
 #[test]
 fn thirty_seconds_of_all_that_disturbs_the_dpr_violate_nothing() {
     let kinds = [Kind::Air, Kind::FlightController, Kind::Power, Kind::Buffers];
@@ -87,7 +88,8 @@ fn thirty_seconds_of_all_that_disturbs_the_dpr_violate_nothing() {
     assert!(plain.is_some_and(|cycles| cycles <= 5), "{:?}", report.faults);
 }
 
-/// Boards hang, alone and together with other disturbances of the DPR, with each number of receivers and on each clock.
+/// The boards hang, alone and together with other disturbances of the DPR. The test runs with each number of receivers
+/// and on each clock.
 #[test]
 fn the_link_recovers_from_drawn_hangs_without_a_violation() {
     let among = [Kind::Air, Kind::FlightController, Kind::Power, Kind::Buffers, Kind::Hang];

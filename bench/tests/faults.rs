@@ -1,7 +1,7 @@
-//! Tests both release programs with internal faults: a task that does nothing, hangs or faults, because the program in
-//! flash is changed while the core runs.
+//! Tests both release programs with internal faults: a task does nothing, hangs, or executes an undefined instruction.
+//! For this the program in memory is changed while the core runs.
 //!
-//! Each board must enter its safe state, be restarted by its watchdog, and work again after the repair.
+//! Each board must enter its safe state. Its watchdog must restart it, and after the repair it must work again.
 
 use crate::{boards, reader};
 
@@ -34,7 +34,7 @@ fn break_task<B: Board>(node: &mut Node<B>, vector: &str, damage: Damage) -> Rep
     damage(vector.to_owned()).apply(node).unwrap()
 }
 
-/// Runs to the board's next restart and returns its instant. `look` is called whenever a signal has left the board.
+/// Runs to the board's next restart, and returns its instant. Calls `look` whenever a signal has left the board.
 fn until_restart<B: Board>(node: &mut Node<B>, within: u64, mut look: impl FnMut(&mut Node<B>)) -> u64 {
     let end = node.now() + within;
     while node.now() < end {
@@ -87,7 +87,7 @@ impl Transmitter {
     }
 }
 
-/// HORUS's tasks that must check in, and the task that triggers them, with their vectors.
+/// The vectors and names of HORUS's tasks that must check in, and of the task that triggers them.
 const HORUS_TASKS: [(&str, &str); 4] =
     [("TIM2", "slot"), ("CAN1_TX", "rf_slot"), ("CAN1_RX0", "cycle"), ("CAN1_RX1", "parse")];
 
@@ -119,7 +119,7 @@ fn a_fault_in_a_horus_task_switches_the_field_off_at_once() {
         horus.run_for(STARTS);
         let (broken, repair) = (horus.node.now(), break_task(&mut horus.node, vector, ImageFault::Faulting));
         let restarted = horus.until_restart();
-        // Each damaged task runs in every cycle, so its fault shows within a cycle.
+        // Every task that is damaged here runs in every cycle, so its fault must show within a cycle.
         let off = horus.field_off(broken).unwrap_or_else(|| panic!("{task}: the field stayed on"));
         assert!(off <= broken + 11 * MS, "{task}: {off}");
         assert!(restarted > off);
@@ -138,7 +138,8 @@ fn link_status(node: &mut Node<Dpr>) -> LinkStatus {
     *LinkStatus::verify(&read).unwrap_or_else(|rejection| panic!("{rejection} in {read:02x?}"))
 }
 
-/// The DPR's tasks that run without a frame, with their vectors: all but `commit`, whose work `deadline` then does.
+/// The vectors and names of the DPR's tasks that run without a frame. `commit` is missing, because `deadline` then does
+/// its work.
 const DPR_TASKS: [(&str, &str); 4] = [
     ("SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1", "ssi_end"),
     ("GPIOTE", "rf_irq"),
@@ -171,7 +172,7 @@ fn a_fault_in_a_dpr_task_leaves_nothing_readable_until_the_restart() {
         let Some(mut dpr) = boards::dpr() else { return };
         dpr.advance(50 * MS);
         let repair = break_task(&mut dpr, vector, ImageFault::Faulting);
-        // The DPR's deadline monitor runs every 12.5 ms and triggers each damaged task.
+        // The DPR's deadline monitor runs every 12.5 ms and triggers the damaged task.
         dpr.advance(dpr.now() + 15 * MS);
         assert!(faulted(&mut dpr), "{task}");
         let read = transact(&mut dpr, LinkStatus::SIZE, 0);
@@ -185,20 +186,21 @@ fn a_fault_in_a_dpr_task_leaves_nothing_readable_until_the_restart() {
     }
 }
 
-/// The longest time after its frame for which an object may be read as valid, ns: the image expires within 30 ms.
+/// The longest time, ns, after the end of its frame for which an object may be read as valid: the image expires within
+/// 30 ms.
 const STALE: u64 = 30 * MS;
 
 /// A flight controller that reads the whole image again and again, and the air to the DPR's front end.
 struct Reader {
     master: SsiMaster,
     transactions: usize,
-    /// The instant of each transaction, and the timestamps of the valid objects that it read.
+    /// The transactions: the instant of each, and the timestamps of the valid objects that it read.
     read: Vec<(u64, Vec<u32>)>,
     air: Air,
     frame: Vec<u8>,
-    /// The instant at which each frame's last bit ended, by the frame's timestamp.
+    /// For each frame's timestamp, the instant at which the frame's last bit ended.
     sent: std::collections::BTreeMap<u32, u64>,
-    /// Whether the air loses all frames while the task is damaged, because that task runs only without frames.
+    /// Whether the air loses all frames while the task is damaged. Some tasks run only if frames are missing.
     loses: bool,
     lost: bool,
     broken: Option<(u64, Repair)>,
@@ -207,7 +209,7 @@ struct Reader {
 
 const FIRST_READ: u64 = 20 * MS;
 
-/// The pauses between two transactions, ns, in turn.
+/// The pauses between two transactions, ns, which are used in turn.
 const PAUSES: [u64; 3] = [US * 700, US * 2_150, US * 3_600];
 
 impl Reader {
@@ -242,7 +244,7 @@ impl Reader {
         reported.into_iter().chain(gps).collect()
     }
 
-    /// The instant at which the oldest data were read as valid, and the time since the end of their frame.
+    /// Returns the instant at which the oldest data were read as valid, and the time since their frame's end.
     fn oldest(&self) -> (u64, u64) {
         let timestamps = self.read.iter().flat_map(|(at, valid)| valid.iter().map(move |ms| (*at, *ms)));
         let ages = timestamps.map(|(at, ms)| {
@@ -313,7 +315,8 @@ impl Upstream<Horus> for Antenna {
     fn notes(&mut self, _node: &mut Node<Horus>) {}
 }
 
-/// Every task of the DPR with its vector. `idle` has none and is damaged where it sleeps.
+/// The vectors and names of all tasks of the DPR. `idle` has no vector; it is damaged at the instruction at which it
+/// sleeps.
 const EVERY_DPR_TASK: [(&str, &str); 8] = [
     ("SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1", "ssi_end"),
     ("SPIM0_SPIS0_TWIM0_TWIS0_SPI0_TWI0", "rf_spi"),
@@ -339,8 +342,8 @@ fn hang(node: &mut Node<Dpr>, vector: &str) -> Option<Repair> {
     Some(ImageFault::Stopped(u32::try_from(address).unwrap()).apply(node).unwrap())
 }
 
-/// Hangs a task of the DPR at `breaks_at` while the flight controller reads. The damage is repaired after the restart,
-/// and a firmware that finds it in its flash before that restarts once more.
+/// Hangs a task of the DPR at `breaks_at` while the flight controller reads, and repairs the damage after the restart.
+/// The firmware restarts once more if it finds the damage in its flash before the repair.
 fn hung(vector: &str, task: &str, breaks_at: u64) -> Option<Reader> {
     let (Some(a), Some(b)) = (boards::horus(), boards::dpr()) else { return None };
     let mut relay = Relay { a, b, upstream: Antenna, downstream: Reader::new(ON_LOSS.contains(&task)) };
@@ -371,7 +374,7 @@ fn hung(vector: &str, task: &str, breaks_at: u64) -> Option<Reader> {
 fn no_dpr_task_that_hangs_leaves_old_data_readable_as_valid() {
     let mut stale = vec![];
     for (nth, (vector, task)) in EVERY_DPR_TASK.into_iter().enumerate() {
-        // Each damage has another phase of HORUS's cycle and comes after ten valid images.
+        // Each damage begins after ten valid images, at another phase of HORUS's cycle.
         let Some(reader) = hung(vector, task, 110 * MS + nth as u64 * 1_250 * US) else { return };
         let (at, age) = reader.oldest();
         println!("{task} hung: the oldest data read as valid were {} us old", age / US);
@@ -382,7 +385,7 @@ fn no_dpr_task_that_hangs_leaves_old_data_readable_as_valid() {
     assert!(stale.is_empty(), "{stale:#?}");
 }
 
-/// The address of the vector of an unused interrupt, which is never fetched.
+/// Returns the address of the vector of an unused interrupt, which is never fetched.
 fn unused_vector(table: u64, interrupt: u64) -> u64 {
     table + 4 * (16 + interrupt)
 }
@@ -427,7 +430,7 @@ fn the_dpr_shows_nothing_while_a_bit_of_its_flash_is_wrong() {
     assert_eq!(dpr.resets().len(), bites, "and no other");
     let log = logged(&mut dpr);
     assert!(log.contains("flash"), "{log}");
-    // The bit is flipped back after the firmware has compared its flash with the CRC, while it waits for the watchdog.
+    // The bit is flipped back only when the firmware has found it and waits for the watchdog.
     until_restart(&mut dpr, BITE, |_| {});
     dpr.advance(dpr.now() + 50 * MS);
     flip(&mut dpr, address);

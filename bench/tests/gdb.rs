@@ -33,7 +33,7 @@ fn all_of(outcome: &Outcome) -> String {
     format!("{:#?}\n{:#?}\n{:#?}\n{}", outcome.report, outcome.verdict, outcome.logs, outcome.base)
 }
 
-/// The address (without the Thumb bit) and the size of the symbol whose demangled name begins with `begins`.
+/// Returns the address (without the Thumb bit) and the size of the symbol whose demangled name begins with `begins`.
 fn symbol(image: &Path, begins: &str) -> (u32, u32) {
     let bytes = std::fs::read(image).unwrap();
     let elf = object::File::parse(bytes.as_slice()).unwrap();
@@ -43,17 +43,17 @@ fn symbol(image: &Path, begins: &str) -> (u32, u32) {
     (u32::try_from(found[0].address()).unwrap() & !1, u32::try_from(found[0].size()).unwrap())
 }
 
-/// The address of the code that seals Link-Status and publishes an image.
+/// Returns the address of the code that seals Link-Status and publishes an image.
 fn commit(image: &Path) -> u32 {
     symbol(image, "<dpr_fw::commit::Commit<3>>::publish::").0
 }
 
-/// The address and the size of the images that the firmware fills in turn.
+/// Returns the address and the size of the memory for images, which the firmware fills in turn.
 fn images(image: &Path) -> (u32, u32) {
     symbol(image, "dpr_fw::app::__rtic_internal_local_init_images")
 }
 
-/// The server's end of a connection in memory.
+/// The gdb server's end of a connection in memory.
 struct InMemory {
     from_client: Receiver<u8>,
     to_client: Sender<u8>,
@@ -84,7 +84,7 @@ impl ConnectionExt for InMemory {
     }
 }
 
-/// The debugger's end of the connection, with packets as in "Debugging with GDB", appendix E.
+/// The debugger's end of the connection. It speaks packets as in "Debugging with GDB", appendix E.
 struct Client {
     to_stub: Sender<u8>,
     from_stub: Receiver<u8>,
@@ -92,7 +92,7 @@ struct Client {
 
 impl Client {
     fn send(&self, bytes: &[u8]) {
-        // A server that has ended takes no further bytes.
+        // After the server has ended, nothing takes further bytes.
         for byte in bytes {
             let _ = self.to_stub.send(*byte);
         }
@@ -129,7 +129,7 @@ impl Client {
         self.reply()
     }
 
-    /// Sends the command `text` and returns the little-endian word in the reply.
+    /// Sends the command `text`. Returns the reply, which is a little-endian word.
     fn word(&self, text: &str) -> u32 {
         u32::from_str_radix(&self.ask(text), 16).unwrap_or_else(|error| panic!("{text}: {error}")).swap_bytes()
     }
@@ -172,7 +172,7 @@ fn attended<R>(script: impl FnOnce(&Client) + Send, serve: impl FnOnce(InMemory,
     })
 }
 
-/// Runs the link with a debugger at `side` that follows `script`.
+/// Runs the link with a debugger at `side`, which follows `script`.
 fn debugged(setup: &Setup, side: Side, script: impl FnOnce(&Client) + Send) -> Ended<Outcome> {
     attended(script, |connection, lost| serve(setup, side, connection, &mut (), lost).unwrap())
 }
@@ -199,7 +199,7 @@ fn a_debugging_session_leaves_the_run_unchanged_on_every_clock() {
             assert_eq!(gdb.word("m10000100,4"), 0x0005_2840, "FICR.INFO.PART");
             assert_eq!(gdb.ask("m60000000,4"), "E0e", "nothing is there");
             assert_eq!(gdb.ask("g").len(), 2 * (23 * 4 + 16 * 8 + 4));
-            // The breakpoint is in code that the firmware copies to RAM only later.
+            // The breakpoint is set in RAM before the firmware copies the code there.
             assert_eq!(gdb.ask(&format!("Z1,{commit:x},2")), "OK");
             for nth in 0..3 {
                 assert!(gdb.ask("c").contains("hwbreak"), "stop {nth}");
@@ -208,19 +208,20 @@ fn a_debugging_session_leaves_the_run_unchanged_on_every_clock() {
             assert!(gdb.monitor("time").contains(" ms of 200 ms"));
             assert!(gdb.monitor("pins").starts_with("high: "));
             assert!(gdb.monitor("pin P9.00").contains("no pin"));
-            // The single steps also go through interrupts, such as those of SSI transactions and FIFO reads.
+            // The single steps also go through interrupts, such as those at a transaction's end or for the front end's
+            // FIFO.
             let mut distinct = std::collections::BTreeSet::new();
             for _ in 0..3000 {
                 assert_eq!(&gdb.ask("s")[1..3], "05");
                 distinct.insert(gdb.pc());
             }
             assert!(distinct.len() > 300, "{}", distinct.len());
-            // On silicon a read of these peripheral registers changes them.
+            // On silicon, a read of some of these peripheral registers would change them. A read by gdb must not.
             for address in ["40004400", "40000504", "40008540", "4001F500", "E000E010", "E000E100"] {
                 assert_eq!(gdb.ask(&format!("m{address},40")).len(), 0x80, "{address}");
             }
             (0..40).for_each(|number| assert!(gdb.ask(&format!("p{number:x}")).len() >= 8));
-            // The watchpoint over the images halts at a store, then at any access, then at a load.
+            // A watchpoint over the images halts the core three times: at a store, at any access, and at a load.
             assert_eq!(gdb.ask(&format!("z1,{commit:x},2")), "OK");
             let watched = format!("{images:x},{size:x}");
             for (kind, name) in [(2, "watch:"), (4, "awatch:"), (3, "rwatch:")] {
@@ -234,12 +235,12 @@ fn a_debugging_session_leaves_the_run_unchanged_on_every_clock() {
                 }
                 assert_eq!(gdb.ask(&format!("z{kind},{watched}")), "OK");
             }
-            // Ctrl-C is sent before the board has run.
+            // The debugger sends Ctrl-C before the board has executed anything.
             gdb.send(&[Client::packet("c"), vec![3]].concat());
             assert_eq!(&gdb.reply()[1..3], "02");
             assert_eq!(gdb.ask(&format!("Z0,{commit:x},2")), "OK");
             assert!(gdb.ask("c").contains("swbreak"));
-            // The breakpoint that the debugger leaves behind must not halt the rest of the run.
+            // The debugger detaches and leaves a breakpoint behind, which must not halt the rest of the run.
             assert_eq!(gdb.ask("D"), "OK");
         }));
         assert!(all_of(&with) == all_of(&without), "{clock} clock:\n{:#?}\n{:#?}", with.report, without.report);
@@ -260,7 +261,7 @@ fn a_debugger_at_horus_leaves_the_run_of_the_link_unchanged() {
             assert_eq!(gdb.pc(), tick);
             (0..50).for_each(|_| assert_eq!(&gdb.ask("s")[1..3], "05"));
         }
-        // On silicon a read of the UART's data register would remove the byte.
+        // A read of the UART's data register would remove the byte on silicon.
         assert_eq!(gdb.ask("m40004400,20").len(), 0x40);
         assert_eq!(gdb.ask("D"), "OK");
     }));
@@ -315,7 +316,8 @@ fn kill_ends_the_run_and_a_lost_connection_does_not() {
     assert_eq!(lost.len(), 1, "{lost:?}");
 }
 
-/// Passes to `run` a run of the DPR's firmware alone, with probes on FRESH and inputs in place of the front end.
+/// Calls `run` with a run of the DPR's firmware alone. FRESH is recorded, and the test drives pins in place of the
+/// front end.
 fn dpr_alone(clock: Clock, run: impl FnOnce(&dyn Fn() -> Box<dyn AnyRun>, &Path)) {
     let Some(path) = image(3, "dpr-fw.elf") else { return };
     let firmware = Firmware::read(&path).unwrap();
@@ -371,7 +373,7 @@ fn a_debugger_at_a_board_alone_leaves_its_run_unchanged() {
                     assert!(gdb.ask("c").contains("watch:"));
                     (0..50).for_each(|_| assert_eq!(&gdb.ask("s")[1..3], "05"));
                 }
-                // On silicon a read of these peripheral registers changes them.
+                // On silicon, a read of some registers of USART2 would change them. A read by gdb must not.
                 assert_eq!(gdb.ask("m40004400,40").len(), 0x80);
                 assert!(gdb.monitor("time").contains(" ms of 100 ms"));
                 assert!(gdb.monitor("faults air").contains("no monitor command"));
@@ -400,7 +402,7 @@ fn a_board_alone_halts_where_its_firmware_ends() {
             assert_eq!(gdb.pc(), start);
             assert_eq!(gdb.ask(&format!("Z1,{commit:x},2")), "OK");
             assert!(gdb.ask("c").contains("hwbreak"));
-            // There is no memory at this address.
+            // No memory is at this address.
             assert_eq!(gdb.ask("Pf=00000060"), "OK");
             assert_eq!(&gdb.ask("c")[1..3], "0b", "SIGSEGV");
             assert_eq!(gdb.pc(), gdb.word("mc,4") & !1, "before the HardFault handler's first instruction");
@@ -463,9 +465,9 @@ fn a_session_of_the_real_gdb_leaves_the_run_as_it_is() {
         "backtrace 1",
         "info registers pc xpsr msp d0 fpscr",
         "print $s0",
-        // The editor extension cortex-debug sends these commands when it attaches.
+        // These gdb commands are sent by the editor extension cortex-debug when it attaches.
         "monitor halt",
-        // The commit's code in RAM, and the flash that it was copied from.
+        // These commands read the images in RAM, and the first words of flash.
         &format!("x/4xw {images:#x}"),
         "x/2xw 0",
         &format!("watch *(unsigned *)({images:#x} + 8)"),

@@ -20,9 +20,10 @@ use thumb::{COUNTER, HANDLER, MAIN, RCC, TIM2, Thumb, firmware};
 
 const MS: u64 = 1_000_000;
 const US: u64 = 1_000;
-/// The instant at which both boards have started and the link has been up for 200 ms, ns.
+/// The instant, ns, of a hang. Both boards have started by then, and the link has been up for 200 ms.
 const BEGINS: u64 = 303 * MS;
-/// The time from a hang to the end of the run, ns: more than the watchdog and the limit for a recovery take.
+/// The time from a hang to the end of the run, ns. It covers the watchdog's longest time and the longest recovery
+/// allowed.
 const AFTER: u64 = 700 * MS;
 
 const BOARDS: [Board; 2] = [Board::Horus, Board::Dpr];
@@ -35,10 +36,10 @@ const IWDGRSTF: u32 = 1 << 29;
 /// The nRF52840's watchdog, PS 6.36.
 const WDT: u32 = 0x4001_0000;
 
-/// A board that counts the updates of TIM2, every 10 ms, and sleeps in between. Its watchdog takes 100 ms.
+/// Returns a board that counts the updates of TIM2, every 10 ms, and sleeps in between. Its watchdog takes 100 ms.
 fn counting() -> Node<Player> {
     let mut main = Thumb::at(MAIN);
-    // 800 counts of four periods of the 32 kHz clock each.
+    // The watchdog counts to 800, in steps of four periods of its 32 kHz clock.
     main.store(IWDG, 0xCCCC).store(IWDG, 0x5555).store(IWDG + 8, 800 - 1).store(IWDG + 4, 0);
     main.tim2_every(160_000).idle();
     let mut tick = Thumb::at(HANDLER);
@@ -162,7 +163,7 @@ where
     None
 }
 
-/// The earliest time after a reset from which on the watchdog ends a hang, ns, to 100 ns.
+/// Returns the earliest time after a reset, ns, to 100 ns, from which on the watchdog ends a hang.
 fn watched_from<B: Powered, C: Cost>(mut node: Node<B, C>) -> u64
 where
     Node<B, C>: Clone,
@@ -195,7 +196,8 @@ fn both_watchdogs_run_two_microseconds_after_a_reset_on_every_clock() {
     assert!(clocks.into_iter().flatten().all(|from| from <= 1_500), "{clocks:?}");
 }
 
-/// Instants after a reset, ns: the first at which both watchdogs run, and later ones during the start.
+/// Instants of a hang after a reset, ns. At the first instant both boards' watchdogs run; at the others the boards are
+/// still starting.
 const IN_START: [u64; 3] = [WATCHDOG_STARTS, 300 * US, 2_900 * US];
 
 #[test]
@@ -254,7 +256,7 @@ fn the_link_recovers_from_any_hang_within_15_cycles() {
     }
 }
 
-/// The longest time from the death of a task to the board's restart, ns, while transactions end regularly.
+/// Returns the longest time, ns, from the death of a task to the board's restart, while transactions end regularly.
 const fn bitten_within(board: Board) -> u64 {
     bounds::CHECKED_IN[Board::Horus as usize]
         + match board {
@@ -341,7 +343,8 @@ fn link_status_says_that_the_watchdog_has_restarted_a_dpr_that_hung() {
     assert_eq!(said.and_then(|link| link.status.reset_reason()), Some(ResetReason::Watchdog));
 }
 
-/// HORUS's objects in order of time: the instant (ns), whether GPS3 is excluded, and Reported-Position's status.
+/// Returns HORUS's objects in order of time: the instant (ns), whether GPS3 is excluded, and Reported-Position's
+/// status.
 fn sent(log: &bench_judge::Log) -> Vec<(u64, bool, ReportedStatus)> {
     let of = |payload: &[u8]| {
         let [reported, gps3] = [0, 3].map(|object| Profile::<3>::place(object).and_then(|place| payload.get(place)));
@@ -374,7 +377,7 @@ fn a_receiver_excluded_before_the_watchdog_bites_is_still_excluded_after_it() {
     let (_, excluded, before) = sent[restarted - 1];
     assert!(excluded && before.state() == Some(HorusState::Monitoring), "{before:?}");
     assert_eq!(before.reset_reason(), Some(ResetReason::PowerOn));
-    // No receiver has sent a message since the restart, so the exclusion cannot be a new one.
+    // No receiver has sent a message since the restart. HORUS must therefore have kept the exclusion over it.
     let (_, excluded, after) = sent[restarted];
     assert!(excluded && !after.position_valid(), "{after:?}");
     assert_eq!((after.state(), after.reset_reason()), (Some(HorusState::Starting), Some(ResetReason::Watchdog)));
@@ -399,7 +402,8 @@ fn after_its_supply_was_off_horus_excludes_nobody_until_it_votes() {
     assert!(sent.last().is_some_and(|(_, excluded, _)| *excluded), "it is outvoted again");
 }
 
-/// The seed of a sag to between 1.4 V, above which RAM keeps its contents, and 1.6 V, below which power-on is reported.
+/// Returns the seed of a sag to between 1.4 V and 1.6 V. RAM keeps its contents above 1.4 V, and power-on is reported
+/// below 1.6 V.
 fn forgetful_sag() -> u64 {
     let forgets = |shape: &u64| {
         let volts: Vec<u32> = power::shape(*shape).into_iter().map(|(_, volts)| volts).collect();
@@ -470,14 +474,14 @@ fn a_board_that_hangs_is_also_restarted_by_its_pin_or_supply() {
     }
 }
 
-/// The board's watchdog ends every hang from [`WATCHDOG_STARTS`] after a start on.
+/// Each board's watchdog ends every hang that begins [`WATCHDOG_STARTS`] after a start or later.
 #[test]
 fn so_long_after_its_start_each_boards_watchdog_runs() {
     for clock in CLOCKS {
         for board in BOARDS {
             let at = BEGINS + WATCHDOG_STARTS;
             let faults = hang(Faults::none().with(BEGINS, BEGINS, Fault::Power(board, PowerFault::Pin)), at, board);
-            // HORUS's watchdog, which was never fed, takes 0.5 s to reset the board.
+            // HORUS's watchdog was not fed yet, so it takes 0.5 s to reset the board.
             let Some(setup) = setup(faults, at + 500 * MS + AFTER) else { return };
             let report = outcome(&Setup { clock, ..setup }).report;
             assert_eq!(report.violations, [""; 0], "{board:?} on the {clock} clock");

@@ -1,6 +1,6 @@
 //! Tests the whole link with both release programs: figures must keep their bounds, and disturbances must be detected.
 //!
-//! `cargo xtask test` builds the programs and gives their folder in `LINK_IMAGES`. Without that variable no test is
+//! `cargo xtask test` builds the programs and names their folder in `LINK_IMAGES`. Without that variable no test is
 //! run, and each test fails if `CI` is set.
 
 use crate::{boards, waves};
@@ -17,7 +17,7 @@ use profile::sequence::SEARCH_CYCLES;
 
 const MS: u64 = 1_000_000;
 
-/// The number of cycles at the start with which the DPR finds the sequence. It rejects their objects.
+/// The number of cycles that the DPR needs to find the sequence. It rejects their objects.
 const SEARCHED: u64 = SEARCH_CYCLES as u64;
 
 fn setup(gps: usize, milliseconds: u64) -> Option<Setup> {
@@ -37,11 +37,11 @@ fn with_any_number_of_receivers_every_object_arrives_in_time() {
         assert_eq!(report.violations, [""; 0], "{gps} receivers");
         let frames_per_cycle = if gps == 5 { 2 } else { 1 };
         let cycles = report.air.frames_delivered / frames_per_cycle;
-        // The first tick comes 10 ms after the RAM's test (12 ms) and the board's start (8 to 9 ms), and the 79th at
+        // The first tick comes 10 ms after the RAM's test (12 ms) and the board's start (8 to 9 ms). The 79th comes at
         // 810 to 811 ms.
         assert_eq!(cycles, 79, "{gps} receivers");
         assert_eq!(report.horus.frames_sent, report.air.frames_delivered);
-        // Only the objects of the cycles with which the DPR finds the sequence are rejected.
+        // The DPR rejects only the objects of the cycles that find the sequence.
         let objects = gps as u64 + 1;
         assert_eq!(report.dpr.objects_rejected, SEARCHED * objects);
         assert_eq!(report.dpr.objects_accepted, (cycles - SEARCHED) * objects);
@@ -50,14 +50,14 @@ fn with_any_number_of_receivers_every_object_arrives_in_time() {
         let command = report.horus.tick_to_command_ns.unwrap();
         assert!(command.max > 0 && command.width() <= 100);
         assert!(report.horus.tick_to_air_ns.unwrap().width() <= 3_000);
-        // HORUS's crystal is 8 ppm fast.
+        // HORUS's crystal is fast by 8 ppm.
         assert!(report.horus.period_ns.unwrap().min.abs_diff(9_999_920) <= 3_000, "{:?}", report.horus.period_ns);
         assert!(report.ssi.ready_ns.unwrap().max <= 10_000);
         assert!(report.horus.load <= 0.1 && report.dpr.load <= 0.1);
         assert!(report.latency_ns.last_bit_to_readable.unwrap().max <= 100_000);
         if gps == 3 {
             assert_eq!(report.air.bit_rate, 424_000);
-            // A frame has 2040 bits of 32 / 13.56 MHz, on a crystal that is 8 ppm fast.
+            // A frame has 2040 bits of 32 / 13.56 MHz each, on a crystal that is fast by 8 ppm.
             assert!(report.air.air_time_ns.abs_diff(4_814_159 - 39) <= 2, "{}", report.air.air_time_ns);
             assert!(report.latency_ns.sample_to_readable.unwrap().p999 <= 5_500_000);
         }
@@ -104,7 +104,7 @@ fn every_wire_of_the_trace_moves_and_no_instant_comes_before_another() {
     let last = instants.last().unwrap();
     assert!((59 * MS..=60 * MS).contains(last), "{last}");
 
-    // On silicon too, the interrupt pin falls 31 ns after the first clock edge of the byte that clears the interrupt.
+    // The interrupt pin falls 31 ns after the first clock edge of the byte that clears the interrupt, as on silicon.
     for board in ["horus", "dpr"] {
         let edges = |wire: &str, level: &str| -> Vec<u64> {
             let changes = waves[&format!("{board}.{board}_{wire}")].iter();
@@ -116,7 +116,8 @@ fn every_wire_of_the_trace_moves_and_no_instant_comes_before_another() {
         assert!(falls.len() >= 5, "{board}: {falls:?}");
         assert!(falls.iter().all(|after| (29..=33).contains(after)), "{board}: {falls:?}");
     }
-    // This flight controller keeps MOSI low, and only tasks cause exceptions, so these three signals never change.
+    // Three signals never change: this flight controller keeps MOSI low, and on either board every exception belongs to
+    // a task.
     let still = ["dpr.tasks.dpr_other", "horus.tasks.horus_other", "ssi.ssi_mosi"];
     let unmoved: Vec<&str> = waves.iter().filter(|(_, changes)| changes.len() < 2).map(|(name, _)| &**name).collect();
     assert_eq!(unmoved, still);
@@ -134,7 +135,7 @@ fn crystals_at_their_worst_against_each_other_change_nothing() {
     }
 }
 
-/// The crystal's error makes the 4 ms cycle of transactions pass through every phase of HORUS's cycle within 2 s.
+/// The crystal's error moves the 4 ms cycle of transactions through every phase of HORUS's cycle within 2 s.
 #[test]
 fn a_flight_controller_that_reads_at_every_phase_delays_nothing() {
     let Some(mut setup) = setup(3, 2_200) else { return };
@@ -145,7 +146,7 @@ fn a_flight_controller_that_reads_at_every_phase_delays_nothing() {
         assert_eq!(report.dpr.objects_accepted, (report.air.frames_delivered - SEARCHED) * 4);
         assert_eq!(report.dpr.objects_rejected, SEARCHED * 4);
         assert_eq!(report.ssi.fresh, report.base.profiles);
-        // The DPR is busy in its memory test, and once more while it puts in an image.
+        // The DPR is busy during its memory test, and once more when it puts in an image.
         assert!(report.ssi.busy <= 5, "{:?}", report.ssi);
         assert!(report.ssi.ready_ns.unwrap().max <= 10_000, "{:?}", report.ssi);
         assert!(report.latency_ns.last_bit_to_readable.unwrap().max <= 100_000, "{:?}", report.latency_ns);
@@ -155,7 +156,7 @@ fn a_flight_controller_that_reads_at_every_phase_delays_nothing() {
 #[test]
 fn bit_errors_cost_the_objects_they_hit_and_nothing_invalid_is_shown() {
     let Some(mut setup) = setup(3, 600) else { return };
-    // A frame has 1952 payload bits, so about every third frame is damaged, mostly in one object.
+    // A frame has 1952 bits of payload. About every third frame is damaged, mostly in one object.
     setup.faults = Faults::of_air(AirFaults { bit_error: 2e-4, ..AirFaults::default() });
     let report = outcome(&setup).report;
     assert!(report.air.frames_damaged >= 5, "{:?}", report.air);
@@ -171,14 +172,14 @@ fn bit_errors_cost_the_objects_they_hit_and_nothing_invalid_is_shown() {
 
 #[test]
 fn lost_frames_are_missed_counted_and_their_successors_arrive() {
-    // The run ends between two frames, because a frame that is lost just before the end is not counted as missed.
+    // A frame lost just before the end of the run would not count as missed, so the run ends between two frames.
     let Some(mut setup) = setup(3, 595) else { return };
     setup.faults = Faults::of_air(AirFaults { lost: 0.2, ..AirFaults::default() });
     let report = outcome(&setup).report;
     assert_eq!(report.violations, [""; 0]);
     assert!(report.air.frames_lost >= 3, "{:?}", report.air);
     assert_eq!(report.dpr.frames_missed, report.air.frames_lost, "{report:?}");
-    // With this seed none of the first four frames is lost.
+    // With this seed none of the first four frames is lost, so the sequence is found as usual.
     assert_eq!(report.dpr.objects_accepted, (report.air.frames_delivered - SEARCHED) * 4);
     assert_eq!(report.dpr.objects_rejected, SEARCHED * 4);
     assert_eq!(report.ssi.bad_crc, 0);
@@ -191,7 +192,7 @@ fn frames_that_break_off_leave_the_link_working() {
     let report = outcome(&setup).report;
     assert_eq!(report.violations, [""; 0]);
     assert!(report.air.frames_damaged >= 3, "{:?}", report.air);
-    // A frame that broke off has a wrong length and is rejected at once.
+    // A frame that broke off has a wrong length, so it is rejected at once.
     assert_eq!(report.dpr.objects_accepted, (report.air.frames_delivered - SEARCHED) * 4, "{report:?}");
     assert_eq!(report.dpr.objects_rejected, SEARCHED * 4, "{report:?}");
     assert_eq!((report.ssi.bad_crc, report.base.bad_crc), (0, 0));
@@ -215,7 +216,7 @@ fn recording(name: &str) -> Option<PathBuf> {
     None
 }
 
-/// Plays `log` at every receiver. The base station must show the positions in the log, bit by bit.
+/// Plays `log` at every receiver. Asserts that the base station shows the positions in the log, bit by bit.
 fn shows_what_the_log_holds(mut setup: Setup, log: PathBuf, at_least: usize) {
     let held = Log::open(&log).unwrap();
     setup.recordings = vec![Some(log); 3];
@@ -223,7 +224,7 @@ fn shows_what_the_log_holds(mut setup: Setup, log: PathBuf, at_least: usize) {
     assert_eq!(outcome.report.violations, [""; 0]);
     let mut shown: Vec<[u64; 3]> = vec![];
     for entry in outcome.base.history() {
-        // Reported-Position is extrapolated to its tick, so only the GPS objects have the receivers' values.
+        // HORUS brings Reported-Position forward to the tick, so only the GPS objects have the receivers' values.
         for position in entry.gps.iter().flatten().filter(|position| position.valid) {
             let bits = [position.latitude, position.longitude, position.altitude].map(f64::to_bits);
             if !shown.contains(&bits) {
@@ -233,7 +234,7 @@ fn shows_what_the_log_holds(mut setup: Setup, log: PathBuf, at_least: usize) {
     }
     assert!(shown.len() >= at_least, "{} positions shown", shown.len());
     let mut held = held.positions().iter().map(|position| {
-        // The correct value is the float64 nearest to the decimal number in the message.
+        // The right value is the float64 that is nearest to the decimal number in the message.
         [
             f64::from(position.latitude_1e7) / 1e7,
             f64::from(position.longitude_1e7) / 1e7,
@@ -278,7 +279,7 @@ fn reported_position_turns_invalid_in_time_if_all_receivers_fall_silent() {
         std::fs::remove_file(path).unwrap();
         assert_eq!(report.violations, [""; 0]);
         let reported = &report.reported;
-        // The first burst of the log begins 100 ms after reset, the last one 3 s later.
+        // The log's first burst begins 100 ms after reset, its last one 3 s later.
         let last = reported.last_solution_ns[0].unwrap();
         assert!((3_100 * MS..3_105 * MS).contains(&last), "{reported:?}");
         assert!(reported.valid_cycles >= 300, "{reported:?}");
@@ -344,7 +345,8 @@ fn either_part_carries_the_link_with_and_without_i_txe() {
     }
 }
 
-/// A sample of `cargo xtask sim --flips`: one bit of each of several registers, with and without an effect.
+/// Flips one bit of each of several registers, some with and some without an effect. `cargo xtask sim --flips` tries
+/// more.
 #[test]
 fn a_bit_that_flips_in_a_front_end_costs_under_1500_ms() {
     let Some(setup) = setup(3, 100) else { return };

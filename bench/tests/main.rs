@@ -1,4 +1,4 @@
-//! The tests of the link in one binary, so that the emulator is compiled only once.
+//! Runs all tests of the link in one binary, so that the emulator is compiled only once.
 
 mod babble;
 mod boards;
@@ -9,6 +9,7 @@ mod dpr;
 mod drawn;
 mod elf;
 mod faults;
+mod flow;
 mod gdb;
 mod hang;
 mod hold;

@@ -1,4 +1,4 @@
-//! Tests which accesses the memory protection units refuse, and how the log names the stop.
+//! Tests which accesses the memory protection units refuse, and how the log names the cause of the stop.
 //!
 //! A task of each release program is overwritten with a few forbidden instructions. The board must enter its safe state
 //! at once, its watchdog must restart it, and the next start must report the cause, in the log and as the code of
@@ -18,10 +18,10 @@ use st25r3916_model::AirEvent;
 /// The longest time from a task's last check-in to the watchdog's reset, ns; see `faults.rs`.
 const BITE: u64 = 200 * MS;
 
-/// The longest period of both overwritten tasks, ns: a cycle of HORUS, or the DPR's deadline of 12.5 ms.
+/// The longest period of the two tasks that are overwritten, ns: a cycle of HORUS, or the DPR's deadline of 12.5 ms.
 const PERIOD: u64 = 15 * MS;
 
-/// `MOVW` or `MOVT` of `value` to register `to`, encodings T3 and T1 (ARMv7-M ARM A7.7.76, A7.7.79).
+/// Returns `MOVW` or `MOVT` of `value` to register `to`, encodings T3 and T1 (ARMv7-M ARM A7.7.76, A7.7.79).
 fn mov(opcode: u16, to: u16, value: u16) -> [u16; 2] {
     [opcode | value >> 11 << 10 & 0x400 | value >> 12, (value >> 8 & 7) << 12 | to << 8 | value & 0xFF]
 }
@@ -35,12 +35,12 @@ enum Misdeed {
     Read(u32),
     Write(u32),
     Execute(u32),
-    /// The task pushes registers until the stack is full, and beyond.
+    /// The task pushes registers until its stack is full, and then continues.
     Recurse,
 }
 
 impl Misdeed {
-    /// The instructions of the action. A branch to itself follows, so that a task that is not stopped hangs.
+    /// Returns the instructions of the action, and then a branch to itself. A task that is not stopped therefore hangs.
     fn code(self) -> Vec<u8> {
         const LDR_R1_R0: u16 = 0x6801;
         const STR_R1_R0: u16 = 0x6001;
@@ -142,7 +142,7 @@ fn the_dpr_stops_at_each_forbidden_access_and_reports_it_later() {
         restarted(&mut dpr, |_| {});
         dpr.take_log();
         run(&mut dpr, 50 * MS);
-        // At most one of two transactions meets a busy DPR.
+        // If one transaction finds the DPR busy, the next one does not.
         let link = (0..2).find_map(|_| LinkStatus::verify(&transact(&mut dpr, LinkStatus::SIZE, 0)).ok().copied());
         let link = link.expect("Link-Status");
         assert!(link.status().unasked_reset(), "{row:x?}");

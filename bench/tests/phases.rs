@@ -1,9 +1,11 @@
 //! Places the flight controller's transactions in every phase relative to a frame's end, in steps of 100 ns, because an
 //! ordinary control cycle reaches some coincidences once in minutes.
 //!
-//! Each phase around a publication has two patterns: a whole image whose transaction ends at the phase, with 96 bytes
-//! right after it; and 96 bytes that begin at the phase after a long silence. The boards' crystals are wrong by 200 ppm
-//! in opposite directions, and each phase is counted from its own frame.
+//! Each phase around a publication has two patterns of transactions. In the first, the transaction of a whole image
+//! ends at the phase, and 96 bytes are read right after it. In the second, 96 bytes are read at the phase, after a long
+//! silence.
+//!
+//! The boards' crystals are wrong by 200 ppm in opposite directions, and each phase is counted from its own frame.
 
 use crate::boards;
 
@@ -16,26 +18,27 @@ use profile::ssi::timing;
 
 const US: i64 = 1_000;
 
-/// The first phase, ns from a frame's last bit. The publication comes 60 to 100 µs and the scrub 240 µs after that bit.
+/// The first phase, ns from a frame's last bit. After that bit, the publication comes at 60 to 100 µs, and the scrub at
+/// 240 µs.
 const FIRST: i64 = -60 * US;
 const LAST: i64 = 240 * US;
 
-/// The last phase with one or five receivers, ns from a frame's last bit. It covers only the publication, because the
-/// scrub after it is the same code for any number of receivers.
+/// The last phase with one or five receivers, ns from a frame's last bit. It covers only the publication: the scrub
+/// after it does not depend on the number of receivers.
 const LAST_OF_PUBLICATION: i64 = 120 * US;
 
-/// The time between two transactions, ns: 1 µs more than the DPR needs to be ready.
+/// The time between two transactions, ns, which is 1 µs longer than the DPR needs to be ready.
 const GAP: i64 = timing::GAP_NS as i64 + US;
 
 fn falls(after_ns: i64, bytes: usize) -> Placement {
     Placement { edge: Edge::Falls, after_ns, bytes: Some(bytes) }
 }
 
-/// Runs the transactions of `sweep` and prints the longest times. No coincidence may lead to a violation.
+/// Runs the transactions of `sweep`, and prints the longest times. Asserts that no coincidence leads to a violation.
 fn holds(gps: usize, sweep: Sweep, clock: Clock, (horus_ppb, dpr_ppb): (i64, i64)) {
     let (Some(horus), Some(dpr)) = (image(gps, "horus-tx-fw.elf"), image(gps, "dpr-fw.elf")) else { return };
     let cycles = sweep.cycles();
-    // The sweep begins with the second frame, which comes up to four cycles later on a slower clock.
+    // The sweep begins with the second frame, which on a slower clock comes up to four cycles later.
     let setup = Setup {
         crystals: Crystals { horus_ppb, dpr_ppb, flight_controller_ppb: 0, hold_ppb: 0 },
         sweep: Some(sweep.clone()),
@@ -64,10 +67,11 @@ fn holds(gps: usize, sweep: Sweep, clock: Clock, (horus_ppb, dpr_ppb): (i64, i64
     assert_eq!((outcome.report.ssi.bad_crc, outcome.report.dpr.objects_rejected), (0, searched), "{gps} receivers");
 }
 
-/// Sweeps transactions around the publication of frame `frame` of the cycle (from 0), up to the phase `last`.
+/// Places transactions in every phase around the publication of frame `frame` of the cycle (from 0), up to the phase
+/// `last`.
 fn around_a_publication(gps: usize, frame: usize, last: i64, clock: Clock, crystals: (i64, i64)) {
     let whole = Placement { edge: Edge::Rises, after_ns: 0, bytes: None };
-    // This transaction comes 0.7 ms later, so it reads the published image.
+    // The last transaction comes 0.7 ms after the phase, and reads the image that was published.
     let witness = falls(700 * US, 96);
     let patterns = vec![vec![whole, falls(GAP, 96), witness], vec![falls(0, 96), witness]];
     holds(gps, Sweep { frame, from_ns: FIRST, to_ns: last, step_ns: 100, patterns }, clock, crystals);
@@ -83,7 +87,7 @@ fn a_publication_with_three_receivers_may_meet_a_transaction_in_any_phase() {
     around_a_publication(3, 0, LAST, Clock::Fast, (200_000, -200_000));
 }
 
-/// All work takes the longest that silicon may take.
+/// On the pessimistic clock all work takes the longest time that silicon may take.
 #[test]
 fn publications_on_the_pessimistic_clock_may_meet_transactions_in_any_phase() {
     around_a_publication(3, 0, LAST + 60 * US, Clock::Pessimistic, (-200_000, 200_000));
@@ -94,17 +98,20 @@ fn a_publication_with_five_receivers_may_meet_a_transaction_in_any_phase() {
     around_a_publication(5, 1, LAST_OF_PUBLICATION, Clock::Fast, (200_000, -200_000));
 }
 
-/// The DPR's idle task does certain work once a second, when an event wakes it. Between two frames it wakes when the
-/// pause after a transaction ends, 96 to 106 µs after that transaction. A second transaction that ends 109 to 127 µs
-/// after the first coincides with the work. The DPR's seconds move by 400 µs relative to HORUS's cycle each second, so
-/// 25 s have many distances from a frame.
+/// Once a second the DPR's idle task has more work, which it begins when an event wakes it. Between two frames this
+/// event is the end of the pause after a transaction, 96 to 106 µs after that transaction. A second transaction that
+/// ends 109 to 127 µs after the first therefore coincides with the work.
+///
+/// The DPR's second moves relative to HORUS's cycle by 400 µs each time, so a run of 25 s covers many distances of the
+/// work from a frame.
 #[test]
 fn what_the_dpr_does_once_a_second_holds_no_transaction_up() {
     let pairs = |gap: i64| {
         let pair = |at: i64| [falls(at, 8), falls(at + i64::from(timing::SPACING_NS) + gap, 8)];
         (0..7).flat_map(|place| pair(place * 650 * US)).collect()
     };
-    // The number of patterns is prime, so successive seconds, 100 cycles apart, use different patterns.
+    // The patterns are tried in turn, one in each of the 100 cycles of a second. Their number is prime, so successive
+    // seconds use different patterns.
     let patterns = (0..19).map(|pattern| pairs(pattern * US)).collect();
     let sweep = Sweep { frame: 0, from_ns: 300 * US, to_ns: 313_100, step_ns: 100, patterns };
     holds(3, sweep, Clock::Fast, (200_000, -200_000));

@@ -1,5 +1,5 @@
-//! Tests receivers on a UART, on I2C and on SPI: their values are shown to the last bit. A fault of one interface costs
-//! neither a cycle nor another receiver, and its effect ends soon after it.
+//! Tests receivers on a UART, on I2C and on SPI: their values are shown to the last bit, and a fault of one interface
+//! costs neither a cycle nor another receiver. Its effect ends soon after the fault.
 
 use crate::boards;
 
@@ -27,7 +27,7 @@ fn sound(setup: &Setup) -> Outcome {
     let outcome = run(setup, &mut ()).unwrap_or_else(|error| panic!("{error}"));
     let what = || setup.faults.episodes().iter().map(|episode| episode.fault.name()).collect::<Vec<_>>();
     assert_eq!(outcome.report.violations, [""; 0], "{:?}", what());
-    // HORUS starts within two cycles. On the pessimistic clock its test of the RAM takes 20 ms, so it needs four.
+    // HORUS's start takes two cycles. On the pessimistic clock it takes four, because its test of the RAM takes 20 ms.
     let started = if setup.clock == Clock::Pessimistic { 5 } else { 3 };
     let cycles = setup.duration_ns / (10 * MS);
     assert!(outcome.report.horus.frames_sent >= cycles - started, "{:?}: {:?}", what(), outcome.report.horus);
@@ -35,13 +35,13 @@ fn sound(setup: &Setup) -> Outcome {
     outcome
 }
 
-/// The changes of a receiver's position between valid (`true`) and not valid, with their instants, ns.
+/// Returns the changes of a receiver's position between valid (`true`) and not valid, with their instants, ns.
 fn validity(outcome: &Outcome, receiver: usize) -> Vec<(u64, bool)> {
     let of = |gps: [Option<Position>; 5]| gps[receiver].is_some_and(|it| it.valid);
     outcome.base.history().map(|entry| (entry.at_ns, of(entry.gps))).collect()
 }
 
-/// A log of ten epochs with NMEA messages, noise, and a damaged message.
+/// Returns a log of ten epochs with NMEA messages, noise, and a damaged message.
 fn log() -> Vec<u8> {
     (0..10_i32)
         .flat_map(|epoch| {
@@ -49,7 +49,7 @@ fn log() -> Vec<u8> {
                 itow_ms: 100_000 + epoch as u32 * 100,
                 fix_type: 3,
                 flags: ubx::NavPvt::FLAG_FIX_OK,
-                // The latitude contains 0xFF, which is no filler within a message.
+                // The latitude contains the byte 0xFF, which is no filler within a message.
                 latitude_1e7: 0x1C4F_FFFF + epoch * 7,
                 longitude_1e7: 87_290_587 - epoch * 11,
                 height_mm: 470_001 + epoch,
@@ -92,14 +92,14 @@ fn a_recorded_log_gives_bit_exact_gps_objects_on_each_interface() {
             .map(|position| [position.latitude, position.longitude, position.altitude].map(f64::to_bits))
             .collect();
         shown.dedup();
-        // On SPI the first message may have waited behind a stuck line, so HORUS drops it, and the second too if no
-        // filler after the first shows that the receiver is empty.
+        // A first message on SPI may have waited behind a stuck line, so HORUS drops it. HORUS drops the second too if
+        // no filler after the first shows that the receiver is empty.
         let first = if receiver == 2 { 1..=2 } else { 0..=0 };
         assert!(first.into_iter().any(|first| shown == held[first..]), "GPS{}: {shown:?} of {held:?}", receiver + 1);
     }
 }
 
-/// A log with a solution every 40 ms, in which the receiver is 1 km farther north from epoch 30 on.
+/// Returns a log with a solution every 40 ms. From epoch 30 on the receiver is 1 km farther north.
 fn log_that_jumps() -> Vec<u8> {
     let epoch = |epoch: u32| ubx::NavPvt {
         itow_ms: 100_000 + epoch * 40,
@@ -115,7 +115,7 @@ fn log_that_jumps() -> Vec<u8> {
     (0..75).flat_map(|number| epoch(number).encode()).collect()
 }
 
-/// Reported-Position from `from` ms on, each with its instant.
+/// Returns Reported-Position from `from` ms on, each with its instant.
 fn reported_from(outcome: &Outcome, from: u64) -> Vec<(u64, Position)> {
     let history = outcome.base.history().filter_map(|entry| Some((entry.at_ns / MS, entry.reported?)));
     history.filter(|(at, _)| *at >= from).collect()
@@ -248,21 +248,23 @@ fn endless_bus_errors_take_at_most_two_percent_of_the_processor() {
 struct Table {
     failures: u64,
     silenced: u64,
-    /// The longest time without a valid position, and the longest from a fault's end to a valid position, ns.
+    /// The longest time without a valid position, ns.
     longest: u64,
     latest: u64,
     apart: u64,
 }
 
-/// Whether the distance of two correct receivers exceeds the least limits of decision 15, less their motion.
+/// Returns whether two correct receivers may be too far apart to agree: farther than the least limits of decision 15,
+/// less their motion.
 fn may_disagree(one: Position, other: Position) -> bool {
     let north = (one.latitude - other.latitude).to_radians() * 6_371_000.0;
     let east = (one.longitude - other.longitude).to_radians() * 6_371_000.0 * one.latitude.to_radians().cos();
     north.hypot(east) > 5.0 - 1.0 || (one.altitude - other.altitude).abs() > 8.0 - 0.5
 }
 
-/// Injects `failures` faults of buses, one a second. Nothing may be violated, no cycle lost, every other receiver must
-/// stay valid, and Reported-Position too if those agree. Returns its greatest error, m.
+/// Injects `failures` faults of buses, one a second. Asserts that there is no violation and no lost cycle, and that the
+/// other two receivers stay valid. Reported-Position has to stay valid while those two agree. Returns its greatest
+/// error, m.
 fn drawn_failures(clock: Clock, seed: u64, failures: u64, table: &mut [Table; BusFault::ALL.len()]) -> Option<f64> {
     const SECOND: u64 = 1_000 * MS;
     const SETTLED: u64 = SECOND;
@@ -294,7 +296,7 @@ fn drawn_failures(clock: Clock, seed: u64, failures: u64, table: &mut [Table; Bu
             for other in &others {
                 assert!(of(entry, *other), "{}: GPS{} at {}", what(), other + 1, entry.at_ns);
             }
-            // If the other two receivers disagree, HORUS cannot determine which of them is correct.
+            // If the two receivers without a fault disagree, HORUS cannot tell which of them is right.
             let apart = may_disagree(entry.gps[others[0]].unwrap(), entry.gps[others[1]].unwrap());
             row.apart += u64::from(apart);
             assert!(apart || entry.reported.is_some_and(|reported| reported.valid), "{}: at {}", what(), entry.at_ns);
@@ -325,7 +327,7 @@ fn tell(table: &[Table; BusFault::ALL.len()]) {
     }
 }
 
-/// The greatest error of Reported-Position, m (`horus-tx-fw/tests/voted.rs`).
+/// The greatest error, m, that Reported-Position may have (`horus-tx-fw/tests/voted.rs`).
 const RIGHT_M: f64 = 9.0;
 
 #[test]
@@ -356,16 +358,16 @@ fn a_thousand_failures_of_buses() {
     assert!(worst <= RIGHT_M, "{worst} m");
 }
 
-/// The longest time from a receiver's loss of its settings on a UART to its recovery, ns. HORUS tries the usual rate,
+/// The longest time, ns, from the loss of a receiver's settings on a UART to its recovery. HORUS tries the usual rate,
 /// then sets the rate from 38 400 baud and configures the receiver (decision 16).
 const CONFIGURED: u64 = 2_500 * MS;
 
 /// The longest time, ns, from the end of a stuck MISO to a valid position, if the receiver's output buffer holds no
-/// older message. The first message, within 200 ms, only proves that the buffer is empty (decision 16). The next comes
-/// 200 ms later.
+/// older message. The first message comes within 200 ms, but only proves that the buffer is empty (decision 16). The
+/// second comes 200 ms later and is used.
 const PROVED: u64 = 450 * MS;
 
-/// The bytes that come when MISO is no longer stuck have waited in the receiver for more than a second.
+/// After a stuck MISO, the first bytes have waited in the receiver for more than a second.
 #[test]
 fn bytes_that_waited_behind_a_stuck_line_are_not_taken_for_new() {
     for reads in 0..6 {

@@ -1,6 +1,6 @@
-//! Tests every cause of a disturbance separately. While it lasts, nothing wrong is shown and Link-Status is correct.
-//! Afterwards the link works again within 5 cycles, or within 15 if a front end has to be set up again. The judge
-//! checks both.
+//! Tests every kind of disturbance separately. While it lasts, nothing wrong is shown and Link-Status is correct.
+//! Afterwards the link must work again within 5 cycles, or within 15 if a front end has to be brought up again. The
+//! judge checks all of it.
 
 use crate::boards;
 
@@ -12,7 +12,7 @@ use emulator_node::Clock;
 const MS: u64 = 1_000_000;
 /// The instant at which both boards have started and the link has been up for 200 ms, ns.
 const BEGINS: u64 = 303 * MS;
-/// The time from the end of a cause to the end of the run, ns: more than the limit for a recovery.
+/// The time from the end of a disturbance to the end of the run, ns: longer than the limit for a recovery.
 const AFTER: u64 = 450 * MS;
 
 const BOARDS: [Board; 2] = [Board::Horus, Board::Dpr];
@@ -46,7 +46,7 @@ fn the_link_recovers_from_any_fault_of_the_air_within_5_cycles() {
     let none = AirFaults::default();
     let frozen = AirFaults { frozen: true, ..none };
     for fault in [AirFaults { lost: 1.0, ..none }, frozen, AirFaults { field_off: true, ..none }] {
-        // A sequence can continue after up to 25 missed cycles, which the last duration exceeds.
+        // A sequence can continue after up to 25 missed cycles. The last fault is longer than 25 cycles.
         for length in [5 * MS, 57 * MS, 241 * MS, 400 * MS] {
             if !recovers(one(Fault::Air(fault), length), length, 5) {
                 return;
@@ -68,8 +68,8 @@ fn the_link_recovers_from_misuse_of_the_ssi_within_5_cycles() {
 fn the_link_recovers_from_each_front_end_fault_within_15_cycles() {
     for board in BOARDS {
         for fault in ChipFault::ALL {
-            // The fault is shorter than a cycle, or ends just after the firmware doubled its wait before the next
-            // set-up, or during the longest wait.
+            // A fault of the front end ends within a cycle, just after the firmware has doubled its wait before the
+            // next bring-up, or during the longest wait.
             for length in [4 * MS, 140 * MS, 390 * MS] {
                 if !recovers(one(Fault::Chip(board, fault), length), length, 15) {
                     return;
@@ -138,8 +138,8 @@ fn the_link_recovers_from_a_front_end_fault_during_a_restart() {
 
 #[test]
 fn a_field_that_goes_while_the_listener_re_arms_is_told() {
-    // For 12 µs, about 120 µs after a frame's last bit, the interrupt of a lost field is discarded with the FIFO's
-    // content.
+    // About 120 µs after a frame's last bit there are 12 µs in which the FIFO's content is discarded, and with it the
+    // interrupt of a lost field.
     for after in (1_000..1_200).step_by(4) {
         let at = BEGINS + after * 1_000;
         let faults = Faults::none().with(at, at + 90 * MS, Fault::Power(Board::Horus, PowerFault::FrontEndOff));
@@ -150,7 +150,8 @@ fn a_field_that_goes_while_the_listener_re_arms_is_told() {
 
 #[test]
 fn a_message_that_is_served_late_leaves_no_interrupt_on() {
-    // HORUS's message to GPS1 ends 38 ms after its restart. The stuck line delays the UART by more than two bytes.
+    // HORUS's message to GPS1 ends 38 ms after HORUS's restart. A stuck line delays the work of the UART by more than
+    // two bytes.
     for after in (36_000..40_000).step_by(60) {
         let stuck = BEGINS + after * 1_000;
         let faults = one(Fault::Power(Board::Horus, PowerFault::Pin), 0).with(

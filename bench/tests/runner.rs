@@ -1,5 +1,5 @@
-//! Tests the runner of `cargo xtask run`: a file is refused, or runs alone on a board and ends within the limit, with a
-//! clear message. A firmware's log is shown in any format.
+//! Tests the runner of `cargo xtask run`: a file is refused, or runs alone on a board and ends within the limit of
+//! time, with a clear message. The firmware's log is shown in any format.
 
 use crate::{boards, elf, thumb};
 
@@ -112,7 +112,7 @@ fn a_firmware_that_never_ends_is_stopped_at_the_time_limit() {
     assert!(!outcome.doing.contains("nothing is due"), "{}", outcome.doing);
 }
 
-/// The firmware `main` with a handler for the core's exception `number`.
+/// Returns the firmware `main` with a handler for the core's exception `number`.
 fn with_exception(main: &Thumb, number: usize, handler: (u32, &Thumb)) -> Firmware {
     let mut segments = firmware("exception", main, &[]).segments().to_vec();
     segments[0].1[4 * number..][..4].copy_from_slice(&(handler.0 | 1).to_le_bytes());
@@ -150,16 +150,16 @@ fn a_hard_fault_handler_that_only_loops_ends_the_run() {
     assert!(outcome.findings[0].text.contains("undefined instruction"), "{}", outcome.findings[0]);
 }
 
-/// The handler sends a report of the fault over a UART, 87 µs for each byte at 115 200 baud.
+/// The handler sends a report of the fault over a UART, which takes 87 µs for each byte at 115 200 baud.
 #[test]
 fn the_handler_of_a_hard_fault_is_heard_to_its_end() {
     const USART2: u32 = 0x4000_4400;
     let mut main = Thumb::at(MAIN);
-    // The firmware uses USART2 on PA2; its clock is 16 MHz.
+    // The test's firmware sends by USART2 on PA2, with a clock of 16 MHz.
     main.store(RCC + 0x30, 1).store(RCC + 0x40, 1 << 17).store(GPIOA + 0x20, 7 << 8).store(GPIOA, 0xA800_0020);
     main.store(USART2 + 8, 139).store(USART2 + 12, 1 << 13 | 1 << 3).raw(&[0xDE00]);
     let mut handler = Thumb::at(thumb::HANDLER);
-    // r3 counts the bytes; each is sent when TXE is set.
+    // Register r3 counts the bytes that are left. A byte is sent when TXE is set.
     handler.mov(3, 500).mov(0, USART2).mov(2, u32::from(b'x'));
     let again = handler.here();
     handler.ldr(1, 0, 0).test(1, 7).branch_if(thumb::If::CarryClear, again);
@@ -182,7 +182,7 @@ fn the_handler_of_a_hard_fault_is_heard_to_its_end() {
     assert!(heard(20 * MS).0 < 500, "the limit ends it");
 }
 
-/// The HardFault vector leads to the reset handler, which also runs at each start.
+/// The HardFault vector leads to the reset handler, which every start executes too.
 #[test]
 fn a_hard_fault_vector_to_reset_is_harmless_without_a_fault() {
     let mut main = Thumb::at(MAIN);
@@ -195,7 +195,7 @@ fn a_hard_fault_vector_to_reset_is_harmless_without_a_fault() {
     assert_eq!(kinds(&outcome), [FindingKind::HardFault, FindingKind::Lockup], "{outcome:?}");
 }
 
-/// This project's firmwares enable MemManage, BusFault and UsageFault, and treat them like a HardFault.
+/// This project's firmwares enable MemManage, BusFault and UsageFault, and handle them like a HardFault.
 #[test]
 fn a_fault_is_reported_only_if_it_shares_the_hard_fault_handler() {
     const SHCSR: u32 = 0xE000_ED24;
@@ -259,7 +259,8 @@ fn a_firmware_that_only_restarts_ends_the_run_with_the_reason() {
 
 #[test]
 fn a_firmware_that_its_watchdog_restarts_for_ever_ends() {
-    // The reload value of 1 takes effect only after the watchdog's first period of 512 ms.
+    // The watchdog's first period is 512 ms whatever its reload value is. The reload value of 1 takes effect after
+    // that.
     const IWDG: u32 = 0x4000_3000;
     let mut main = Thumb::at(MAIN);
     main.store(IWDG, 0x5555).store(IWDG + 8, 1).store(IWDG, 0xAAAA).store(IWDG, 0xCCCC).idle();
@@ -291,7 +292,7 @@ fn a_finding_has_its_instant_and_peripheral_despite_a_change_of_clock() {
     let again = main.here();
     main.raw(&[0x3801]).branch_if(thumb::If::NotEqual, again);
     let store = main.here() + 16;
-    // The program uses a timer without a clock, then switches to the 8 MHz crystal.
+    // The test's firmware first writes to a timer whose clock is off, and then makes the 8 MHz crystal its clock.
     main.store(thumb::TIM2, 1);
     main.store(RCC, 1 << 18 | 1 << 16 | 0x83).wait_for(RCC, 17).store(RCC + 8, 1).idle();
     let outcome = on_horus(&firmware("clocks", &main, &[]));
@@ -299,16 +300,16 @@ fn a_finding_has_its_instant_and_peripheral_despite_a_change_of_clock() {
     let finding = &outcome.findings[0];
     assert_eq!((finding.kind, finding.pc), (FindingKind::Refused, Some(u64::from(store))));
     assert!(finding.text.starts_with("TIM2: "), "{finding}");
-    // At 16 MHz a loop with two clock cycles per turn lasts 2 ms.
+    // A loop with two clock cycles per turn lasts 2 ms at 16 MHz.
     assert!((2 * MS..2 * MS + 3_000).contains(&finding.at), "{finding}");
 }
 
 #[test]
 fn a_finding_in_a_release_image_names_the_firmwares_function_and_line() {
     let Some(path) = boards::image(3, "dpr-fw.elf") else { return };
-    // This is the other board's program, whose code in RAM cannot be fetched at its link address.
+    // The DPR's program runs on HORUS's board, where code in RAM cannot be fetched from its link address.
     let outcome = on_horus(&Firmware::read(&path).unwrap());
-    // The first instructions, which store to registers of the nRF52840, have a symbol but no line numbers.
+    // The first instructions store to registers of the nRF52840. They have a symbol but no line numbers.
     let place_of = |finding: &Finding| finding.symbol.clone().unwrap_or_default();
     let (assembler, rust): (Vec<_>, Vec<_>) =
         outcome.findings.iter().partition(|finding| place_of(finding).starts_with("__pre_init+"));
@@ -325,10 +326,10 @@ const BLOCK: u32 = 0x2000_1000;
 const NAMES: u32 = FLASH + 0x4000;
 const TEXTS: u32 = FLASH + 0x4100;
 
-/// One up channel of RTT in the test's firmware: its name, the contents of its buffer, its mode.
+/// An RTT up channel of the firmware: its name, the contents of its buffer, and its mode.
 struct Up<'a>(&'a str, &'a [u8], u32);
 
-/// A firmware whose RTT control block has these channels, each with a buffer of 256 bytes that `main` fills.
+/// Returns a firmware whose RTT control block has these channels. Each has a buffer of 256 bytes, which `main` fills.
 fn logging(channels: &[Up<'_>], then: impl FnOnce(&mut Thumb)) -> Firmware {
     let mut main = Thumb::at(MAIN);
     let mut names = vec![0; 0x100];
@@ -437,11 +438,11 @@ const USART2: u32 = 0x4000_4400;
 fn a_uart_of_a_board_receives_and_sends_bytes() {
     let mut main = Thumb::at(MAIN);
     main.store(RCC + 0x30, 1).store(RCC + 0x40, 1 << 17);
-    // PA2 and PA3 get alternate function 7, and the debug port's pins stay as after a reset.
+    // PA2 and PA3 get alternate function 7. The pins of the debug port keep their reset setting.
     main.store(GPIOA + 0x20, 0x7700).store(GPIOA, 0xA800_00A0);
     // 16 MHz / 139 is 115 108 baud.
     main.store(USART2 + 8, 139).store(USART2 + 0xC, 1 << 13 | 1 << 3 | 1 << 2);
-    // The loop sends each received byte back, incremented by one.
+    // The loop sends each received byte back, increased by one.
     let again = main.here();
     main.wait_for(USART2, 5).mov(0, USART2).ldr(1, 0, 4).raw(&[0x3101]).str(1, 0, 4).branch(again);
     let [transmits, receives] = [2, 3].map(|number| Pin::new(0, number));

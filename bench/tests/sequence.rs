@@ -1,7 +1,7 @@
 //! Tests how the DPR handles cycles that do not continue the sequence: repeated, reordered or early ones, and those of
-//! a HORUS that restarted or whose clock is wrong. The rules are in docs/design.md#sequence.
+//! a HORUS that has restarted or whose clock is wrong. The rules are in docs/design.md#sequence.
 //!
-//! The frames of these tests are intact in every bit; only their timestamps and instants may be wrong.
+//! The frames of these tests are intact in every bit. Only their timestamps and instants may be wrong.
 
 use crate::{boards, reader};
 
@@ -13,12 +13,12 @@ use profile::sequence::SEARCH_CYCLES;
 use reader::{Antenna, MS, RECEIVERS, Reader, Sent, US, View, field_on, frame_ns, payload, send, views};
 use stm32f429::Oscillators;
 
-/// The instant at which the test's first frame begins, ns; the DPR has started long before.
+/// The instant at which the test's first frame begins, ns. The DPR has long started by then.
 const FIRST: u64 = 60 * MS;
 
 const OBJECTS: u32 = 4;
 
-/// The longest time after the last bit of its frame for which an object may be readable, ns.
+/// The longest time, ns, for which an object may be readable after the last bit of its frame.
 const STALE: u64 = 30 * MS;
 
 fn dpr() -> Option<Node<Dpr>> {
@@ -34,7 +34,8 @@ fn count(node: &Node<Dpr>, offset: usize) -> u32 {
     counter(node, "DPR_TELEMETRY", offset)
 }
 
-/// The longest time, ns, from the last bit of the last frame with certain data (in `sent`) to a valid read of them.
+/// Returns the longest time, ns, for which data were read as valid, from the last bit of the last frame in `sent` that
+/// carried them.
 fn oldest(views: &[View], sent: &[(u64, u32)]) -> u64 {
     let shown = views.iter().flat_map(|view| view.valid.iter().map(|timestamp| (view.at, *timestamp)));
     let ages = shown.map(|(at, timestamp)| {
@@ -58,14 +59,15 @@ fn timestamps_20_10_20_10_and_so_on_show_nothing() {
     let intact = views.iter().filter_map(|view| view.link);
     assert!(intact.clone().count() + 5 >= views.len(), "it is read throughout");
     assert!(intact.clone().all(|link| link.status.out_of_sequence() && !link.status.link_up()));
-    // Every second frame has an earlier timestamp than the one before it.
+    // Every second frame has an earlier timestamp than the frame before it.
     assert!(intact.clone().next_back().is_some_and(|link| link.status.horus_restarted()));
     for view in &views {
         assert_eq!(view.valid, [0; 0], "at {} us", view.at / US);
     }
 }
 
-/// The frames of `sent` (instant of the first bit, timestamp), with the instant of the last bit instead of the first.
+/// Returns the frames of `sent` with the instant of the last bit in place of the first. Each has an instant and a
+/// timestamp.
 fn ends(sent: &[(u64, u32)]) -> Vec<(u64, u32)> {
     sent.iter().map(|(at, timestamp)| (at + frame_ns(), *timestamp)).collect()
 }
@@ -73,7 +75,7 @@ fn ends(sent: &[(u64, u32)]) -> Vec<(u64, u32)> {
 #[test]
 fn frames_that_follow_each_other_too_early_are_noticed_and_not_shown() {
     let Some(mut node) = dpr() else { return };
-    // After ten correct cycles only 1 ms is between two frames, but their timestamps continue in steps of 10 ms.
+    // After ten correct cycles frames come every millisecond, but their timestamps go on in steps of 10 ms.
     let mut at = FIRST;
     let mut sent = vec![];
     for cycle in 0..40 {
@@ -82,7 +84,7 @@ fn frames_that_follow_each_other_too_early_are_noticed_and_not_shown() {
         at += if cycle < 10 { 10 * MS } else { frame_ns() + MS };
     }
     let views = views(&mut node, at);
-    // The eleventh frame comes 10 ms after the tenth, so it is the last one that may be shown.
+    // The eleventh frame comes 10 ms after the tenth, so it may still be shown. No later frame may be.
     let early = ends(&sent)[11].0;
     let newest = views.iter().flat_map(|view| &view.valid).max();
     assert_eq!(newest, Some(&200));
@@ -99,7 +101,7 @@ fn frames_that_follow_each_other_too_early_are_noticed_and_not_shown() {
     }
 }
 
-/// Sends an additional frame between frames 20 and 21: a copy of the frame that is `back` cycles before frame 21.
+/// Sends an additional frame between frames 20 and 21. It is a copy of the frame that is `back` cycles before frame 21.
 fn inserted(back: u32) -> Option<()> {
     let mut node = dpr()?;
     let stamp = |cycle: u32| 500 + 10 * cycle;
@@ -114,8 +116,8 @@ fn inserted(back: u32) -> Option<()> {
     }
     let views = views(&mut node, FIRST + 400 * MS);
     let inserted_end = insert.0 + frame_ns();
-    // Frame 21 comes too early, 5 ms after the inserted one. The search takes frames 22, 23 and 24, the last of which
-    // is shown.
+    // Frame 21 comes 5 ms after the inserted frame, which is too early. Frames 22 to 24 find the sequence again, and
+    // frame 24 is shown.
     let found = ends(&sent)[25].0;
     let during: Vec<_> = views.iter().filter(|view| (inserted_end + 150 * US..found).contains(&view.at)).collect();
     assert!(during.len() >= 10, "{back} back: {}", during.len());
@@ -129,7 +131,7 @@ fn inserted(back: u32) -> Option<()> {
     assert_eq!(first_again, Some(&stamp(24)), "{back} back");
     let age = oldest(&views, &ends(&sent));
     assert!(age <= STALE, "{back} back: {age} ns");
-    // There are 41 frames. Three at the start, the inserted one, and frames 21 to 23 are not shown.
+    // Seven of the 41 frames that were sent are not shown: three at the start, the inserted one, and frames 21 to 23.
     let accepted = count(&node, std::mem::offset_of!(Telemetry, objects_accepted));
     assert_eq!(accepted, (41 - 3 - 4) * OBJECTS, "{back} back");
     Some(())
@@ -165,13 +167,14 @@ fn a_repeated_frame_in_its_successors_place_is_not_shown() {
     assert!(frozen.count() >= 8);
     let age = oldest(&views, &ends(&sent));
     assert!(age <= STALE, "{age} ns");
-    // Frame 18 comes 10 ms after frame 14 with a step of four cycles, which is too early. The search takes frames 19 to
-    // 21.
+    // Frame 18 comes too early: 10 ms after frame 14, but with a step of four cycles. Frames 19 to 21 find the sequence
+    // again.
     let newest: Vec<u32> = views.iter().filter_map(|view| view.valid.first().copied()).collect();
     assert_eq!(newest.iter().find(|timestamp| **timestamp > 640), Some(&(500 + 210)));
 }
 
-/// The sample's age at its frame's last bit, µs: the send slot and the air time, which are constants of the profile.
+/// Returns the sample's age at its frame's last bit, µs: the send slot and the air time, which are constants of the
+/// profile.
 const AGE_AT_END: u32 = match profile::air::age_at_end_us::<RECEIVERS>(0) {
     Some(age) => age,
     None => panic!("a frame of the cycle"),
@@ -201,14 +204,14 @@ fn link_status_has_the_age_of_the_sample_at_publication() {
     let fresh = relay.downstream.views.iter().filter_map(|view| view.link).filter(|link| link.status.all_accepted());
     let ages: Vec<u32> = fresh.map(|link| u32::from(link.age_100us) * 100).collect();
     assert!(ages.len() >= 50, "{}", ages.len());
-    // The publication comes at most 100 µs after the last bit, and the age is rounded down to 100 µs.
+    // The publication comes at most 100 µs after the last bit. Link-Status rounds the age down to 100 µs.
     for age in ages {
         assert!((AGE_AT_END - 99..=AGE_AT_END + 100).contains(&age), "{age} us");
     }
 }
 
-/// The number, from 1, of the first frame after the restart at `restarted` that was read as valid. The front end sends
-/// the last frame before the restart to its end, so reads within [`STALE`] of it do not count.
+/// Returns the number, from 1, of the first frame after the restart at `restarted` that was read as valid. The front
+/// end finishes the last frame before the restart, so reads within [`STALE`] of it do not count.
 fn first_shown(reader: &Reader, restarted: u64) -> usize {
     let (before, since): (Vec<&Sent>, Vec<&Sent>) = reader.sent.iter().partition(|frame| frame.started < restarted);
     let last = before.last().expect("it sent before");
@@ -231,7 +234,7 @@ fn a_restarted_horus_is_shown_from_its_fourth_frame_on() {
         let nth = first_shown(reader, restarted);
         let silence = reader.sent.iter().find(|frame| frame.started > restarted).unwrap().started - restarted;
         println!("{why:?}: first frame {} us after the restart, frame {nth} is the first shown", silence / US);
-        // The search for the sequence begins with frame 1 and takes frames 2, 3 and 4, the last of which is shown.
+        // Frame 1 begins the search for the sequence. Frames 2 to 4 find it, and frame 4 is shown.
         assert_eq!(nth, 1 + usize::from(SEARCH_CYCLES), "{why:?}");
         let told = reader.views.iter().filter(|view| view.at > restarted).filter_map(|view| view.link);
         assert!(told.clone().any(|link| link.status.horus_restarted()), "{why:?}");
@@ -244,7 +247,7 @@ fn a_restarted_horus_is_shown_from_its_fourth_frame_on() {
 fn after_a_watchdog_restart_horus_is_shown_from_its_fourth_frame_on() {
     let Some(mut relay) = both(Oscillators::default()) else { return };
     go(&mut relay, 207 * MS);
-    // HORUS's task that parses the receivers' messages never ends.
+    // The task of HORUS that parses the receivers' messages never ends.
     let task = relay.a.address_of("CAN1_RX1").unwrap() & !1;
     let mut was = [0; 2];
     relay.a.read(task, &mut was).unwrap();
@@ -255,7 +258,7 @@ fn after_a_watchdog_restart_horus_is_shown_from_its_fourth_frame_on() {
         go(&mut relay, now);
         now += 5 * MS;
     }
-    // If the firmware finds the damage in its start, it waits for the watchdog once more.
+    // A firmware that finds the damage during its start waits for the watchdog once more.
     relay.a.write(task, &was).unwrap();
     go(&mut relay, now + 400 * MS);
     let restarted = relay.a.resets().last().unwrap().at;
@@ -278,7 +281,7 @@ fn a_horus_clock_off_by_3_percent_is_reported_within_2600_ms() {
         let after: Vec<&View> = reader.views.iter().filter(|view| view.at > told).collect();
         assert!(after.len() >= 50, "{ppb} ppb");
         let shown = after.iter().filter(|view| !view.valid.is_empty()).count();
-        // A read from a busy DPR, or between two cycles, is not valid.
+        // A transaction that finds the DPR busy, or comes between two cycles, reads no valid object.
         assert!(shown * 10 >= after.len() * 9, "{ppb} ppb: {shown} of {} valid", after.len());
         assert!(after.iter().all(|view| view.link.is_none() || implausible(view)), "{ppb} ppb");
         let accepted = count(&relay.b, std::mem::offset_of!(Telemetry, objects_accepted)) as usize;

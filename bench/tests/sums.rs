@@ -3,7 +3,7 @@
 //!
 //! An observed worst case is not a bound, because it can take hours until all delays of a path coincide. Each part of a
 //! path is therefore measured separately, at its longest, on each clock, and the parts are added up. The sums must keep
-//! the bounds of docs/design.md#timing, and no run may exceed them.
+//! the bounds of docs/design.md#timing, and no run may exceed the sums.
 //!
 //! | path or share | how it is measured |
 //! |---|---|
@@ -12,8 +12,8 @@
 //! | the SSI's share | the longest runs of `ssi_end` and `ssi_pause`, with exception entry and return of both |
 //! | sections that mask | the longest time for which BASEPRI or PRIMASK masks a priority while a task below it runs |
 //!
-//! The processor is examined after each of its clock cycles. `cargo test -p bench --test all sums:: -- --nocapture`
-//! prints the tables of docs/timing.md#sums.
+//! The processor's state is examined after each of its clock cycles. `cargo test -p bench --test all sums:: --
+//! --nocapture` prints the tables of docs/timing.md#sums.
 
 use crate::boards;
 
@@ -32,20 +32,21 @@ const MS: u64 = 1_000_000;
 const WARM: u64 = 300 * MS;
 /// How long the processor is examined, ns: one cycle of HORUS.
 const LOOKED_AT: u64 = 10 * MS;
-/// The end of the log from which the flight controller's service times are taken, ns.
+/// The end of the run, ns, up to which the flight controller's service times are measured.
 const END: u64 = WARM + 500 * MS;
 /// An upper limit of the DPR's clock period at 64 MHz, ns.
 const CYCLE: u64 = 15;
-/// The exceptions of the tasks `ssi_end` (SPIS1) and `ssi_pause` (TIMER3).
+/// The exception numbers of the tasks `ssi_end` (SPIS1) and `ssi_pause` (TIMER3).
 const SSI: [u32; 2] = [16 + 4, 16 + 26];
-/// The values of BASEPRI that mask the SSI's priority 6 and the RFID side's priority 5, in the three upper bits.
+/// The values of BASEPRI that mask priority 6 (the SSI) and priority 5 (the RFID side), in the three upper bits.
 const MASKS: [u32; 2] = [0x40, 0x60];
 
 /// What the DPR's processor did, clock cycle by clock cycle.
 struct Watched<C: Cost> {
-    /// Each change of the running exception: its instant (ns) and number, 0 for the idle loop or sleep.
+    /// The exceptions that ran: the instant (ns) at which each began to run, and its number, 0 for the idle loop or
+    /// sleep.
     runs: Vec<(u64, u32)>,
-    /// For each of [`MASKS`], the longest time for which a task of lower priority masked that priority, ns.
+    /// For each priority in [`MASKS`], the longest time, ns, for which a less urgent task masked it.
     masked: [u64; 2],
     log: Log,
     clock: PhantomData<C>,
@@ -73,7 +74,7 @@ fn watch<C: Cost>(gps: usize, conduct: Option<Conduct>) -> Option<Watched<C>> {
         }
         let (base, all) = (dpr.core_register(Register::Basepri), dpr.core_register(Register::Primask) != 0);
         for ((mask, since), longest) in MASKS.into_iter().zip(&mut since).zip(&mut masked) {
-            // A priority is not masked while a task of that priority or of a higher one runs.
+            // A priority does not count as masked while a task of that priority or of a more urgent one runs.
             let runs = SSI.contains(&active) || mask == MASKS[1] && is_of_the_rfid_side(active);
             if (all || base != 0 && base <= mask) && !runs {
                 let since = *since.get_or_insert(at - CYCLE);
@@ -92,7 +93,8 @@ fn is_of_the_rfid_side(exception: u32) -> bool {
 }
 
 impl<C: Cost> Watched<C> {
-    /// The longest run of an exception, ns. A run in which FRESH rises counts as a part of a frame's way instead.
+    /// Returns the longest run of an exception, ns. A run that raises FRESH does not count, because it belongs to the
+    /// handling of a frame.
     fn longest(&self, exception: u32) -> u64 {
         let rises: Vec<u64> = self.frames().into_iter().map(|(_, rose)| rose).collect();
         let runs = self.runs.windows(2).filter(|pair| pair[0].1 == exception).map(|pair| pair[0].0..pair[1].0);
@@ -118,7 +120,7 @@ impl<C: Cost> Watched<C> {
         frames.collect()
     }
 
-    /// The exceptions between a frame's last bit and FRESH, each with its longest time, ns.
+    /// Returns the exceptions between a frame's last bit and the rise of FRESH, each with its longest time, ns.
     fn pieces(&self) -> Vec<(u32, u64)> {
         let mut pieces: BTreeMap<usize, (u32, u64)> = BTreeMap::new();
         let frames = self.frames();
@@ -151,7 +153,7 @@ impl<C: Cost> Watched<C> {
     }
 }
 
-/// Adds up both sums for `gps` receivers, and compares them with the bounds and with the observed times.
+/// Adds up both sums for `gps` receivers. Compares them with the bounds and with the observed times.
 fn add_up<C: Cost>(gps: usize) {
     let Some(quiet) = watch::<C>(gps, Some(Conduct::Silent)) else { return };
     let Some(usual) = watch::<C>(gps, None) else { return };
@@ -176,7 +178,7 @@ fn add_up<C: Cost>(gps: usize) {
         let worst = seen.frames().into_iter().map(|(last_bit, rose)| rose - last_bit).max().expect("a frame");
         assert!(worst <= readable, "{worst}");
     }
-    // If the SSI's tasks never preempted the handling of a frame, the sum would not include them.
+    // The SSI's tasks count for the sum only if they have preempted the handling of a frame.
     assert!(hostile.longest(SSI[0]) > 0 && hostile.longest(SSI[1]) > 0, "both tasks ran");
 }
 

@@ -1,7 +1,6 @@
 //! Tests sagging supplies: the boards react correctly, and no object that HORUS never sent is shown as valid.
 //!
-//! `SUPPLY_SHAPES=1000 cargo test -p bench --test all -- --nocapture shapes` tries that number of drawn courses of
-//! voltage.
+//! `SUPPLY_SHAPES=1000 cargo test -p bench --test all -- --nocapture shapes` tries 1000 drawn courses of voltage.
 
 use crate::{boards, reader};
 
@@ -66,7 +65,7 @@ fn a_falling_supply_switches_horuss_field_off_before_it_resets_the_part() {
     node.supply(2_749_999, 0);
     assert!(!node.is_powered());
     run_horus(&mut node, 140 * MS);
-    // HORUS may start from 2.85 V on, but its firmware stops at once until the supply is high enough.
+    // The microcontroller of HORUS starts at 2.85 V, but the firmware stops at once until the supply is high enough.
     node.supply(2_850_000, 0);
     assert!(node.is_powered());
     assert_eq!(node.resets().last().map(|reset| reset.cause), Some(Reset::BrownOut));
@@ -91,7 +90,7 @@ fn a_falling_supply_takes_the_dprs_image_away_and_is_named() {
     let now = node.now();
     run_dpr(&mut node, now + 50 * US);
     assert!(silent(&mut node) && silent(&mut node));
-    // The voltage that made the DPR stop also stops its start after the watchdog's reset.
+    // The low voltage has stopped the DPR. After the watchdog's reset it stops the DPR's start too.
     let now = node.now();
     run_dpr(&mut node, now + 300 * MS);
     assert!(silent(&mut node) && silent(&mut node));
@@ -112,7 +111,7 @@ fn a_supply_that_fails_while_the_dpr_logs_causes_no_panic() {
     field_on(&mut warm);
     run_dpr(&mut warm, 1_000 * MS);
     let mut interrupted = 0;
-    // The DPR writes its log line once a second, 19.73 ms after the second, because its start takes that long.
+    // The DPR logs a line once a second, 19.73 ms after the full second, because its start takes that long.
     for after in (1_019_680..1_019_780).step_by(2) {
         let mut node = warm.clone();
         run_dpr(&mut node, after * US);
@@ -132,7 +131,7 @@ fn a_supply_that_fails_while_the_dpr_logs_causes_no_panic() {
 fn ram_is_kept_above_1_4_v_and_lost_without_a_supply() {
     let Some(mut node) = boards::horus() else { return };
     run_horus(&mut node, 100 * MS);
-    // The bench, like a debug probe, clears the log's control block (one channel) at each start.
+    // The bench clears the log's control block (one channel) at each start, as a debug probe does.
     let block = usize::try_from(node.address_of("_SEGGER_RTT").unwrap() - 0x2000_0000).unwrap();
     let ram = |node: &Node<bench::boards::Horus>| {
         let mut bytes = vec![0; 192 << 10];
@@ -152,7 +151,7 @@ fn ram_is_kept_above_1_4_v_and_lost_without_a_supply() {
     assert!(lost(0) > 80 << 10);
 }
 
-/// Runs the link with `count` courses of voltage of either supply or both. Returns their number.
+/// Runs the link with `count` drawn courses of voltage, of either supply or of both. Returns their number.
 fn sagging(seed: u64, count: u64) -> Option<u64> {
     let images = Images { horus: image(3, "horus-tx-fw.elf")?, dpr: image(3, "dpr-fw.elf")? };
     let mut rng = Rng::stream(seed, 0x5A6);

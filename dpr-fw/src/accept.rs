@@ -31,7 +31,7 @@ use profile::{
 /// The largest number of objects that a profile can have.
 pub const MAX_OBJECTS: usize = MAX_RECEIVERS + 1;
 
-/// The largest difference between the sample instants of a cycle's two frames, µs (the sequence's tolerance).
+/// The largest difference between the sample instants of a cycle's two frames, µs. It is the sequence's tolerance.
 pub const SAME_SAMPLE_US: u32 = sequence::TOLERANCE_US;
 
 /// Whether two samples were taken at the same instant, within [`SAME_SAMPLE_US`]. Both instants are in µs.
@@ -54,7 +54,7 @@ impl Objects {
         Self(((2_u16 << receivers) - 1) as u8)
     }
 
-    /// Returns the objects of a frame that has this place in the profile.
+    /// Returns the objects of a frame whose objects have this place in the profile.
     #[must_use]
     pub const fn at(place: Place) -> Self {
         Self((((1_u16 << place.count()) - 1) << place.first()) as u8)
@@ -72,7 +72,7 @@ impl Objects {
         Self(self.0 | other.0)
     }
 
-    /// Whether two sets have no object in common.
+    /// Whether the two sets have no object in common.
     #[must_use]
     pub const fn is_disjoint(self, other: Self) -> bool {
         self.0 & other.0 == 0
@@ -89,14 +89,15 @@ impl Objects {
     }
 }
 
-/// The relation of a frame to the frames that were received before it.
+/// The relation of a frame to the frames received before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cycle {
     /// No object of the frame is intact, so no timestamp is known.
     Unknown,
     /// The frame belongs to the current cycle, so the verdict on the cycle's first frame holds for it too.
     Same,
-    /// The frame belongs to another cycle than the frame before it. The sequence gave this judgement on that cycle.
+    /// The frame belongs to another cycle than the frame before it. The value is the sequence's judgement on that
+    /// cycle.
     Next(Judgement),
 }
 
@@ -144,7 +145,7 @@ pub struct Early {
     begun: Begun,
     /// The payload length that LEN announced, bytes; 0 if no byte has arrived.
     length: u8,
-    /// The number of the frame's objects that are verified, counted from the front.
+    /// The number of the frame's objects that are verified already, counted from the front.
     done: u8,
     intact: Objects,
 }
@@ -170,7 +171,7 @@ impl Early {
     pub fn follow<const N: usize>(&mut self, arrived: &[u8]) {
         let Some((&len, payload)) = arrived.split_first() else { return };
         if self.length == 0 {
-            // LEN counts its own byte as well as the payload.
+            // LEN counts itself and the payload, so the payload has one byte less.
             *self = Self::of(len.saturating_sub(1));
         }
         self.advance::<N>(payload);
@@ -193,7 +194,8 @@ impl Early {
                 return;
             };
             let begun = core::mem::replace(&mut self.begun, Begun::NOTHING);
-            // The barrier keeps the compiler from making a branch between intact and damaged objects.
+            // The barrier keeps the compiler from branching on whether an object is intact, so the time does not depend
+            // on it.
             self.intact = self.intact.with(index, black_box(Object::verify_begun(index, bytes, begun).is_ok()));
             // A damaged object's timestamp is stored too, but never used.
             if let (Some(timestamp), Some(bytes)) = (self.timestamps.get_mut(index), bytes.first_chunk()) {
@@ -204,7 +206,7 @@ impl Early {
     }
 }
 
-/// The state from past cycles by which frames are accepted, for a profile of `N` receivers.
+/// What is kept of past cycles to judge the next frame, for a profile of `N` receivers.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Acceptance<const N: usize> {
     sequence: Sequence,
@@ -214,7 +216,8 @@ pub struct Acceptance<const N: usize> {
 }
 
 impl<const N: usize> Acceptance<N> {
-    /// The age of the sample at the end of each frame, µs. The second value is not used if a cycle has one frame.
+    /// The age of the sample at the end of each of a cycle's frames, µs. A profile whose cycle has one frame uses only
+    /// the first value.
     const AGE_AT_END_US: [u32; 2] = {
         let first = air::age_at_end_us::<N>(0).expect("a cycle has at least one frame");
         let second = if air::frames(N) == 2 { air::age_at_end_us::<N>(1).expect("of two frames") } else { first };
@@ -263,7 +266,7 @@ impl<const N: usize> Acceptance<N> {
         &self.sequence
     }
 
-    /// Records a frame that carries `places` and whose first intact object has `timestamp`.
+    /// Records a frame that carries the objects `places`, and whose first intact object has `timestamp`.
     fn enter(&mut self, timestamp: Option<u32>, sampled_us: u64, places: Objects) -> Cycle {
         let Some(timestamp) = timestamp else { return Cycle::Unknown };
         let current = self.sequence.last();
@@ -404,7 +407,7 @@ mod tests {
     fn two_frames_of_a_cycle_in_the_wrong_order_are_not_accepted() {
         let mut acceptance = in_sequence::<5>();
         assert_eq!(judge(&mut acceptance, 50, 1, 50_000).accepted, Objects(0b11_1000));
-        // At this sample instant the first frame would have been sent in the slot after that of the second frame.
+        // The first frame's timestamp comes again, but its sample instant is too late for the same cycle.
         let sampled_us = 50_000 + u64::from(air::send_slot_us::<5>(1).expect("a second frame"));
         let verdict = judge(&mut acceptance, 50, 0, sampled_us);
         assert_eq!((verdict.cycle, verdict.accepted), (Cycle::Next(Judgement::Frozen), Objects::NONE));
@@ -412,7 +415,8 @@ mod tests {
 
     #[test]
     fn it_does_not_matter_which_frames_of_a_cycle_are_heard() {
-        // The first four cycles find the sequence, whether the first frame, the second or both are received.
+        // Whichever frames of the first four cycles are received (the first, the second or both), these cycles find the
+        // sequence.
         for heard in 0..3_usize.pow(6) {
             let mut acceptance = Acceptance::<5>::new();
             for cycle in 1..=6_u32 {
@@ -530,7 +534,8 @@ mod tests {
 
     #[test]
     fn bytes_beyond_the_length_of_a_frame_are_no_objects() {
-        // The bytes beyond the first frame's length are GPS3, intact and at the right offset, but no part of it.
+        // The bytes beyond the first frame's length are GPS3, intact and at the right offset, but the first frame does
+        // not carry GPS3.
         let sent = profile::<5>(70);
         let mut arrived = vec![185];
         arrived.extend(&sent.as_bytes()[..244]);
@@ -547,7 +552,7 @@ mod tests {
         arrived.extend(sent.as_bytes());
         let mut early = Early::default();
         early.follow::<3>(&arrived[..65]);
-        // The byte is changed after the object was verified, so the object is still accepted.
+        // A byte of an object that was already verified is changed now, so the object is still accepted.
         let mut payload = sent.as_bytes().to_vec();
         payload[63] ^= 1;
         let verdict = in_sequence::<3>().judge(&payload, &early, end::<3>(50_000, 0)).expect("the length is right");

@@ -52,6 +52,7 @@
 //! The second front end and its peripherals (SPIM2, EGU3, TIMER4) are used only with the feature `hold`.
 
 use dpr_fw::task::{Task, TASKS};
+use firmware_common::calls::Calls;
 use nrf52840_hal::{
     gpio::{p0, p1, Disconnected, Floating, Input, Level, Output, Pin, PullDown, PullUp, PushPull},
     gpiote::{Gpiote, TaskOutPolarity},
@@ -61,25 +62,40 @@ use nrf52840_hal::{
 
 dpr_fw::each_task!(firmware_common::task_vectors);
 
+static CALLS: Calls<Task> = Calls::new();
+
+/// Calls `task` as [`call`] does, and marks the call for [`was_called`].
+#[inline(always)]
+pub(crate) fn call_step(task: Task) {
+    CALLS.make(task);
+    call(task);
+}
+
+/// Whether `task`, which begins to run, was called by [`call_step`].
+#[inline(always)]
+pub(crate) fn was_called(task: Task) -> bool {
+    CALLS.take(task, || is_pending(task))
+}
+
 pub(crate) const SSI_SELECT_PIN: u8 = 4;
 pub(crate) const FRESH_CHANNEL: usize = 1;
-/// The compare register of TIMER0 and TIMER4 for the delays of the front end's driver.
+/// The compare register of TIMER0 and of TIMER4 that ends the delays of the front end's driver.
 pub(crate) const WAIT_COMPARE: usize = 0;
-/// The capture register of TIMER0 and TIMER4 for the time of the IRQ's edge.
+/// The capture register of TIMER0 and of TIMER4 that takes the time of the IRQ's edge.
 pub(crate) const EDGE_CAPTURE: usize = 1;
-/// The capture register of TIMER4 for the present time.
+/// The capture register of TIMER4 by which the present time is read.
 #[cfg(feature = "hold")]
 pub(crate) use firmware_common::nrf52840::NOW_CAPTURE;
 /// The GPIOTE channel of the second front end's chip select.
 #[cfg(feature = "hold")]
 pub(crate) const HOLD_SELECT_CHANNEL: usize = 3;
-/// The compare register of TIMER4 for the start of the answer.
+/// The compare register of TIMER4 that starts the answer to the hold.
 #[cfg(feature = "hold")]
 pub(crate) const HOLD_ANSWER_COMPARE: usize = 2;
 pub(crate) const EXPIRY_COMPARES: [usize; 2] = [0, 1];
-/// TIMER2's compare register for the end of the FRESH pulse.
+/// The compare register of TIMER2 that ends the FRESH pulse.
 pub(crate) const PULSE_COMPARE: usize = 2;
-/// TIMER3's compare register for the end of the pause after a transaction.
+/// The compare register of TIMER3 that ends the pause after a transaction.
 pub(crate) const PAUSE_COMPARE: usize = 0;
 
 pub(crate) struct RfPins<S = Pin<Output<PushPull>>> {

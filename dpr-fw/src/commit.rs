@@ -13,7 +13,7 @@
 //!   first frame are published without the second when the second frame's deadline has passed
 //!   ([`link::SECOND_FRAME_US`](crate::link::SECOND_FRAME_US)), or when a frame arrives that does not belong to the
 //!   first. A second frame whose first was lost is published at once.
-//! - Silence: at each deadline an image without objects is published, so that the last objects do not stay readable.
+//! - Silence: each deadline publishes an image without objects, so that the last objects do not stay readable.
 //!
 //! The deadline is an instant on the DPR's µs counter, counted from the end of the last frame. The task that a frame
 //! starts and the task that the timer starts do the same: they take in the frames that wait, call
@@ -35,14 +35,14 @@ use crate::{
     ImageMemory,
 };
 
-/// HORUS wrote what comes over the air.
+/// The claim of HORUS's role: HORUS wrote the objects that come over the air.
 const HORUS: Writer<Horus> = Writer::claim();
-/// The DPR writes Link-Status.
+/// The claim of the DPR's role: the DPR writes Link-Status.
 const DPR: Writer<Dpr> = Writer::claim();
 
 /// The destination of the images that the commit task makes.
 pub trait Images {
-    /// Returns the image being filled. It stays the same until it is published, and holds only zeros at first.
+    /// Returns the image being filled. It holds only zeros at first, and stays the same image until it is published.
     fn filling(&mut self) -> &mut ImageMemory;
     /// Copies Port-Status and the uplinks to their place in the image being filled, in a map for `N` receivers.
     fn place_port<const N: usize>(&mut self);
@@ -68,13 +68,13 @@ pub struct Commit<const N: usize> {
     monitor: Monitor<N>,
     link: Link,
     shown: Objects,
-    /// The instant, µs since start, of the sample of a first frame whose second frame is awaited.
+    /// The instant of the sample, µs since start, of a cycle of which only the first frame has come.
     open: Option<u64>,
     /// Whether Port-Status and the uplinks have been copied into the image being filled.
     port_placed: bool,
 }
 
-/// Copies the bits of `from` that are set in `mask`. The loop copies five words per turn, for speed.
+/// Copies the bits of `from` that are set in `mask`. For speed the loop copies five words per turn.
 fn copy_masked(to: &mut [u8], from: &[u8], mask: u32) {
     const TURN: usize = 20;
     let copy = |to: &mut [u8], from: &[u8]| {
@@ -121,7 +121,7 @@ impl<const N: usize> Commit<N> {
         self.publish(health, images);
     }
 
-    /// Takes in a frame, and restarts the deadline from the frame's end. Frames must be taken in in the order of their
+    /// Takes in a frame, and restarts the deadline from the frame's end. Frames must be given in the order of their
     /// ends. Returns how many images were published: usually one, none if the cycle's second frame is awaited, and one
     /// more if an earlier image had to be published first.
     ///
@@ -139,7 +139,7 @@ impl<const N: usize> Commit<N> {
         let ended_us = self.link.clock().instant_us(frame.ended_us);
         let mut verdict = self.acceptance.judge(frame.payload, frame.early, ended_us)?;
         if health.flash_fault {
-            // After a flash fault the code that judges objects cannot be trusted.
+            // The code that judges objects cannot be trusted after a flash fault, so no object is accepted.
             verdict.accepted = Objects::NONE;
         }
 
@@ -151,7 +151,8 @@ impl<const N: usize> Commit<N> {
             let other_slot = first || !same_sample(sampled_us, verdict.sampled_us);
             let other_cycle = matches!(verdict.cycle, Cycle::Next(_)) && self.shown != Objects::NONE;
             if other_slot || other_cycle {
-                // The open image gets the Link-Status of its own cycle, so it is published before the new frame counts.
+                // The image of the previous cycle gets the Link-Status of that cycle, so it is published before the new
+                // frame counts.
                 self.publish(health, images);
                 published += 1;
             }
@@ -199,7 +200,7 @@ impl<const N: usize> Commit<N> {
         true
     }
 
-    /// Returns the next deadline, a value of the DPR's µs counter, which wraps.
+    /// Returns the next deadline as a value of the DPR's µs counter, which wraps.
     #[must_use]
     pub const fn deadline_us(&self) -> u32 {
         self.monitor.deadline_us()
@@ -216,7 +217,7 @@ impl<const N: usize> Commit<N> {
         let Some(lapse) = self.monitor.lapse(until_us) else { return false };
         self.link.missed(lapse.missed);
         if lapse.silent {
-            // The first frame's objects are too old by now.
+            // When the link is silent, the first frame's objects are too old to be published.
             images.filling().fill(0);
             self.port_placed = false;
             self.shown = Objects::NONE;
@@ -225,12 +226,13 @@ impl<const N: usize> Commit<N> {
         true
     }
 
-    /// Copies the accepted objects into the image, and zeros for the rejected ones in the same time.
+    /// Copies the accepted objects into the image. Rejected objects become zeros, which takes the same time.
     fn deposit(&mut self, payload: &[u8], verdict: &Verdict, images: &mut impl Images) {
         let image: &mut [u8] = bytemuck::cast_slice_mut(images.filling());
         let Ok(objects) = air::objects::<N>(payload) else { return };
         for (index, object) in objects {
-            // Without the barrier the compiler might make a copy and a clear, which take different times.
+            // Without the barrier the compiler might copy accepted objects and clear rejected ones, which would take
+            // different times.
             let mask = black_box(if verdict.accepted.has(index) { u32::MAX } else { 0 });
             let Some(place) = map::profile_object_mut::<_, N>(HORUS, image, index) else { return };
             copy_masked(place, object, mask);

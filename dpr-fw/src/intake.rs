@@ -1,4 +1,4 @@
-//! Turns the frames that wait into published images. Both tasks `commit` and `deadline` do this.
+//! Turns waiting frames into published images, for the tasks `commit` and `deadline`.
 //!
 //! # Design
 //!
@@ -30,11 +30,11 @@ pub trait Timer {
     fn set(&mut self, at_us: u32);
 }
 
-/// The information from other tasks that the tasks `commit` and `deadline` need.
+/// What the tasks `commit` and `deadline` need to know from other tasks.
 #[derive(Clone, Copy, Debug)]
 pub struct Notices<'a, S> {
-    /// Whether a frame is arriving. Only then its image is prepared: an image that is prepared earlier would lack what
-    /// the flight controller still writes before the frame.
+    /// Whether a frame is arriving. Its image is prepared only then: an image that is prepared earlier would lack what
+    /// the flight controller writes before the frame.
     pub frame_arrives: bool,
     /// The state of the front end.
     pub front_end: FrontEnd,
@@ -53,15 +53,16 @@ pub struct Intake<const N: usize> {
 }
 
 impl<const N: usize> Intake<N> {
-    /// Returns the state after a start of the DPR for this reason.
+    /// Returns the state after a start of the DPR, whose reason was `reset_reason`.
     #[must_use]
     pub const fn new(reset_reason: ResetReason) -> Self {
         Self { commit: Commit::new(), started: false, reset_reason }
     }
 
-    /// Serves a call of either task. It publishes the first image at the first call, takes in the frames that wait,
-    /// checks the deadline, and withdraws an image that the idle loop found damaged. Then it sets the timer and begins
-    /// the next image. Returns whether there was any such work; otherwise it prepares an image at most.
+    /// Serves a call of the task `commit` or `deadline`. It publishes the first image at the first call, takes in the
+    /// frames that wait, checks the deadline, and withdraws an image that the idle loop found damaged. Then it sets the
+    /// timer and begins the next image. Returns whether there was any such work; otherwise it prepares an image at
+    /// most.
     pub fn serve<B, I, M, D, S>(
         &mut self,
         rotation: impl Mutex<T = Rotation<B, FrameInfo>>,
@@ -84,7 +85,7 @@ impl<const N: usize> Intake<N> {
         }
         let before = telemetry.publications.get();
         called_for |= take_in(&mut self.commit, rotation, || timer.now_us(), &health, outbox, telemetry);
-        // If an image was just published, the flight controller no longer reads the damaged one.
+        // If another image was just published, the flight controller no longer reads the damaged one.
         let replaced = telemetry.publications.get() != before;
         if notices.integrity.take_withdrawal(notices.shown.generation()) && !replaced {
             called_for |= self.commit.withdraw(timer.now_us(), &health, outbox);

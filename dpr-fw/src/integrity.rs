@@ -2,7 +2,7 @@
 //!
 //! # Design
 //!
-//! The idle loop does all of the verifying, in one [slice](firmware_common::patrol) every 2.5 ms:
+//! The idle loop verifies all of this memory, in one [slice](firmware_common::patrol) every 2.5 ms:
 //!
 //! - *The published image*, object by object ([`ImageCheck`]): an object must have a right CRC, or be zero throughout
 //!   where no object was accepted. The idle loop copies the object's words first, and uses the copy only if the image
@@ -31,7 +31,7 @@
 //!
 //! # Time to detect
 //!
-//! [`IMAGE_DETECT_US`], [`FLASH_DETECT_US`], [`CODE_DETECT_US`] and [`RAM_DETECT_US`] are the bounds. They hold while
+//! The bounds are [`IMAGE_DETECT_US`], [`FLASH_DETECT_US`], [`CODE_DETECT_US`] and [`RAM_DETECT_US`]. They hold while
 //! the idle loop runs; if it does not run for 100 ms, the watchdog resets the part.
 
 use core::{
@@ -52,10 +52,11 @@ use profile::{
 
 use crate::{link::FRAME_DEADLINE_US, protection::NULL_PAGE_END, telemetry::Telemetry};
 
-/// The number of words of each memory in a slice, which takes about 1 % of the time on the pessimistic clock.
+/// The number of words of each memory that one slice verifies. This takes about 1 % of the time on the pessimistic
+/// clock.
 pub const RATE: Rate = Rate { flash_words: 8, code_words: 4, ram_words: 2 };
 
-/// The number of slices that the idle loop does in place of one while a self-test runs.
+/// The number of slices that the idle loop does instead of one while a self-test runs.
 pub const SELF_TEST_SLICES: u32 = 3;
 
 /// The end of the null page in flash, bytes. The memory protection unit denies all accesses to that page.
@@ -100,7 +101,8 @@ const _: () = {
 
 /// The image that the flight controller reads at present. The SSI task may exchange it at any time.
 pub trait Shown {
-    /// Returns how many images were streamed so far; 0 before the first. An equal number means the same image.
+    /// Returns how many images were streamed so far; 0 before the first. Two calls that return the same number saw the
+    /// same image.
     fn generation(&self) -> u32;
 
     /// Copies words of the image from word `first` on. If the image is exchanged meanwhile, the copy is arbitrary.
@@ -135,7 +137,8 @@ impl<const N: usize> ImageCheck<N> {
         Self { next: 0 }
     }
 
-    /// Verifies the next [`OBJECTS_PER_SLICE`] objects. Returns the image's generation if one of them is damaged.
+    /// Verifies the next [`OBJECTS_PER_SLICE`] objects of the image. Returns the image's generation if one of these
+    /// objects is damaged.
     pub fn slice(&mut self, shown: &impl Shown) -> Option<u32> {
         (0..OBJECTS_PER_SLICE).fold(None, |damaged, _| damaged.or_else(|| self.step(shown)))
     }
@@ -175,7 +178,7 @@ impl<const N: usize> ImageCheck<N> {
         if shown.generation() != generation {
             return Found::Unknown;
         }
-        // Link-Status and Port-Status are in every image, so they must not be zero.
+        // Link-Status and Port-Status must not be zero, since every image has them.
         let vacant = object != 0 && object != Self::PORT_STATUS && words.iter().all(|word| *word == 0);
         if vacant || profile::crc::frame_intact(bytemuck::cast_slice(words)) {
             Found::Intact
@@ -188,10 +191,11 @@ impl<const N: usize> ImageCheck<N> {
 /// The findings of the idle loop, for the commit task and the port task.
 #[derive(Debug)]
 pub struct Integrity {
-    /// The generation of the image that was found damaged; 0 if none was.
+    /// The generation of the image that was found damaged; 0 if no image was.
     damaged: AtomicU32,
     flash_fault: AtomicBool,
-    /// Whether flash was found changed, and the image without objects that follows from this was not yet asked for.
+    /// Whether flash was found changed since the commit task last asked. The commit task then publishes an image
+    /// without objects.
     withdraw: AtomicBool,
     self_test: AtomicU32,
 }
@@ -227,33 +231,35 @@ impl Integrity {
         self.flash_fault.load(Ordering::Relaxed)
     }
 
-    /// Whether the image of `generation`, which is read now, has to be withdrawn. True only once for each finding.
+    /// Whether the image of `generation`, which is read at present, has to be withdrawn. True only once for each
+    /// finding.
     pub fn take_withdrawal(&self, generation: u32) -> bool {
         let damaged = self.damaged.swap(0, Ordering::Relaxed);
         self.withdraw.swap(false, Ordering::Relaxed) || damaged != 0 && damaged == generation
     }
 
-    /// Asks for a self-test: a whole pass over flash and one over the RAM in use. A self-test under way begins anew.
+    /// Requests a self-test: a whole pass over flash and one over the RAM in use. A self-test in progress begins again.
     pub fn request_self_test(&self) {
         self.self_test.store(REQUESTED, Ordering::Relaxed);
     }
 
-    /// Whether a self-test was asked for and has not ended.
+    /// Whether a self-test was requested and has not ended.
     #[must_use]
     pub fn is_self_test_running(&self) -> bool {
         matches!(self.self_test.load(Ordering::Relaxed), REQUESTED | RUNNING)
     }
 
-    /// Returns whether the self-test that has ended passed, once for each; `None` if none has ended.
+    /// Returns whether the last self-test has passed, once for each self-test; `None` if none has ended since.
     pub fn take_result(&self) -> Option<bool> {
         let state = self.self_test.load(Ordering::Relaxed);
         let ended = state == PASSED || state == FAILED;
-        // The exchange keeps a request for a self-test that comes after the load.
+        // The exchange keeps a request for a self-test that was made after the load.
         let taken = ended && self.self_test.compare_exchange(state, NONE, Ordering::Relaxed, Ordering::Relaxed).is_ok();
         taken.then_some(state == PASSED)
     }
 
-    /// Asks for a self-test while `wanted` and none runs. Returns whether a self-test has passed, once for each.
+    /// Requests a self-test if `wanted` and none runs. Returns whether the last self-test has passed, once for each
+    /// self-test.
     pub fn serve_self_test(&self, wanted: bool) -> Option<bool> {
         if !wanted || self.is_self_test_running() {
             return None;
@@ -280,11 +286,11 @@ impl Integrity {
 /// What the idle loop has to do after a slice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Consequence {
-    /// The idle loop has to do nothing.
+    /// There is nothing to do.
     None,
-    /// The idle loop calls the commit task, because an image has to be withdrawn.
+    /// The commit task has to be called, because an image has to be withdrawn.
     Withdraw,
-    /// The idle loop enters the safe state for this cause, with this detail.
+    /// The DPR has to enter the safe state for this cause, with this detail.
     Stop(Cause, u32),
 }
 
@@ -301,13 +307,14 @@ pub struct Judge {
 }
 
 impl Judge {
-    /// Returns a judge that has no self-test under way.
+    /// Returns a judge without a self-test in progress.
     #[must_use]
     pub const fn new() -> Self {
         Self { self_test: SelfTest { flash: None, ram: None } }
     }
 
-    /// Starts a self-test that was asked for. Returns whether one starts, so that the patrol has to begin anew.
+    /// Starts a self-test that was requested. Returns whether one starts; the patrol then has to begin its passes
+    /// again.
     pub fn begin_self_test(&mut self, integrity: &Integrity) -> bool {
         let state = &integrity.self_test;
         let begins = state.compare_exchange(REQUESTED, RUNNING, Ordering::Relaxed, Ordering::Relaxed).is_ok();
@@ -347,7 +354,8 @@ impl Judge {
             }
         }
         self.end_self_test(integrity);
-        // The most severe findings come last, so that their consequence is the one that is returned.
+        // If a slice has several findings, the consequence of the last one here is returned, so the most severe ones
+        // come last.
         if let Some(address) = slice.code {
             consequence = Consequence::Stop(Cause::CodeInRam, address);
         }
@@ -360,7 +368,7 @@ impl Judge {
     fn end_self_test(&mut self, integrity: &Integrity) {
         let SelfTest { flash: Some(flash), ram: Some(ram) } = self.self_test else { return };
         let result = if flash && ram { PASSED } else { FAILED };
-        // If a self-test was asked for meanwhile, the exchange fails and keeps that request.
+        // If another self-test was requested meanwhile, this exchange fails, so that the new request is kept.
         let _ = integrity.self_test.compare_exchange(RUNNING, result, Ordering::Relaxed, Ordering::Relaxed);
     }
 }

@@ -67,8 +67,8 @@ pub const RECEIVERS: usize = if cfg!(feature = "gps-1") {
 
 /// The length of a receive buffer, words: [`rf::LEAD`] bytes, then LEN, payload and CRC-16 of the longest NFC-F frame.
 pub const RECEIVE_WORDS: usize = (rf::LEAD + st25r3916::listener::BUFFER).div_ceil(4);
-/// The number of words of an image buffer. It has room for the map for five receivers, which is the longest. On the
-/// target with a hold it has room only for the profile's own map, so that a scrub does not take half as long again.
+/// The number of words of an image buffer. It has room for the map for five receivers, which is the longest. The DPR
+/// with a hold has room only for its own profile's map, because a scrub would otherwise take half as long again.
 pub const IMAGE_WORDS: usize = if cfg!(all(feature = "hold", target_os = "none")) {
     MAP_BYTES.div_ceil(4)
 } else {

@@ -14,10 +14,11 @@ pub const FRAME_DEADLINE_US: u32 = 12_500;
 /// publishing takes (`commit_worst_cycles`, 100 µs on the pessimistic clock) and than two crystals drift apart in a
 /// cycle.
 pub const FRAME_DUE_US: u32 = 200;
-/// The period after which another cycle's frames count as missed while HORUS is silent, µs: one cycle.
+/// While HORUS is silent, the period after which the frames of another cycle count as missed, µs: one cycle.
 pub const SILENCE_US: u32 = 1_000 * CYCLE_MS;
-/// The time from the end of a cycle's first frame to the latest end of its second, µs (five receivers). The second ends
-/// 3.935 ms after the first, give or take [`SAME_SAMPLE_US`], and the next cycle's first frame 10 ms after it.
+/// The time from the end of a cycle's first frame to the latest end of its second frame, µs (five receivers). The
+/// second frame ends 3.935 ms after the first, give or take [`SAME_SAMPLE_US`]. The next cycle's first frame ends 10 ms
+/// after the first.
 pub const SECOND_FRAME_US: u32 = 7_000;
 /// How long Link-Status shows that HORUS has restarted, µs: long enough for every control cycle to see it.
 pub const RESTART_SHOWN_US: u32 = 1_000_000;
@@ -25,7 +26,7 @@ pub const RESTART_SHOWN_US: u32 = 1_000_000;
 const _: () = {
     let first = air::age_at_end_us::<5>(0).expect("the first frame of two");
     let second = air::age_at_end_us::<5>(1).expect("the second frame of two");
-    // A second frame of the same cycle never comes after the deadline for second frames.
+    // The deadline for second frames lies behind every second frame of the same cycle.
     assert!(second - first + SAME_SAMPLE_US < SECOND_FRAME_US && SECOND_FRAME_US < FRAME_DEADLINE_US);
 };
 
@@ -45,7 +46,8 @@ impl Clock {
         Self { counter_us: 0, us: 0, below_ms_us: 0, ms: 0 }
     }
 
-    /// Moves the clock on to counter value `now_us`, not before that of the last call. Due at least every 71 minutes.
+    /// Moves the clock on to counter value `now_us`, which must not be before that of the last call. To be called at
+    /// least every 71 minutes.
     pub fn advance(&mut self, now_us: u32) {
         let passed = now_us.wrapping_sub(self.counter_us);
         self.counter_us = now_us;
@@ -74,32 +76,34 @@ impl Clock {
     }
 }
 
-/// The frame for which the deadline waits.
+/// The frame that the deadline waits for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Due {
     /// The deadline waits for the first frame since start, and no frame counts as missed.
     Any,
     /// The deadline waits for the second frame of the current cycle.
     Second,
-    /// The deadline waits for the next cycle's first frame. The second frame of this cycle already counts as missed.
+    /// The deadline waits for the first frame of the next cycle. The second frame of this cycle already counts as
+    /// missed.
     First,
     /// The deadline waits for the next cycle.
     Cycle,
 }
 
-/// The position in time of a frame that was received.
+/// The sample instant and the number of a frame that was received.
 #[derive(Clone, Copy, Debug)]
 struct Slot {
     sampled_us: u64,
     frame: u32,
 }
 
-/// The result of the deadlines that have passed since the last call.
+/// The result of the deadlines that have passed since the monitor was last asked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lapse {
-    /// The number of frames that count as missed now.
+    /// The number of frames that the deadlines of this call count as missed.
     pub missed: u32,
-    /// Whether no frame came in time, so that images must have no objects. If false, only a second frame is late.
+    /// Whether no frame came in time, so that images must have no objects. If false, only the second frame of a cycle
+    /// is late.
     pub silent: bool,
 }
 
@@ -144,8 +148,9 @@ impl<const N: usize> Monitor<N> {
         self.deadline_us = now_us.wrapping_add(FRAME_DEADLINE_US);
     }
 
-    /// Records a frame that ended at counter value `ended_us`, and restarts the deadline. `frame` is its number in its
-    /// cycle, `sampled_us` the instant of its sample. Returns the missed frames before it that no deadline has counted.
+    /// Records a frame that ended at counter value `ended_us`, and restarts the deadline. `frame` is the frame's number
+    /// in its cycle, `sampled_us` the instant of its sample. Returns how many frames were missed before it that no
+    /// deadline has counted.
     pub fn frame(&mut self, frame: usize, sampled_us: u64, ended_us: u32) -> u32 {
         let frame = frame as u32;
         let missed = self.last.map_or(0, |last| {
@@ -172,7 +177,7 @@ impl<const N: usize> Monitor<N> {
         if !matches!(self.due, Due::Cycle) {
             return false;
         }
-        // This is the time from the end of a cycle's first frame to the end of its last.
+        // The interval from the end of a cycle's first frame to the end of its last, µs; 0 if a cycle has one frame.
         let frames_us = match (air::age_at_end_us::<N>(0), air::age_at_end_us::<N>(air::frames(N) - 1)) {
             (Some(first), Some(last)) => last - first,
             _ => 0,
@@ -181,13 +186,14 @@ impl<const N: usize> Monitor<N> {
         now_us.wrapping_sub(due_us).cast_signed().unsigned_abs() <= FRAME_DUE_US
     }
 
-    /// Whether the deadline has passed at counter value `now_us`. It must be less than 35 minutes ago.
+    /// Whether the deadline has passed at counter value `now_us`. It must have passed less than 35 minutes ago.
     #[must_use]
     pub const fn has_lapsed(&self, now_us: u32) -> bool {
         now_us.wrapping_sub(self.deadline_us).cast_signed() >= 0
     }
 
-    /// Handles all deadlines that have passed by counter value `now_us`, and moves on; `None` if none has.
+    /// Handles all deadlines that have passed by counter value `now_us`, and moves the deadline on; `None` if none has
+    /// passed.
     pub fn lapse(&mut self, now_us: u32) -> Option<Lapse> {
         if !self.has_lapsed(now_us) {
             return None;
@@ -200,7 +206,8 @@ impl<const N: usize> Monitor<N> {
         }
         let silent = self.has_lapsed(now_us);
         if silent {
-            // The passed deadline counts once, and once more for each further period.
+            // A passed deadline counts as one missed frame or cycle. Each further period that has passed counts as
+            // another one.
             let more = now_us.wrapping_sub(self.deadline_us) / SILENCE_US;
             self.deadline_us = self.deadline_us.wrapping_add((more + 1) * SILENCE_US);
             let (due, frames) = match self.due {
@@ -216,7 +223,7 @@ impl<const N: usize> Monitor<N> {
     }
 }
 
-/// The states that other tasks hold and Link-Status shows.
+/// The values for Link-Status that other tasks hold.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Health {
     /// Whether a fault of RAM was found since start.
@@ -227,7 +234,7 @@ pub struct Health {
     pub no_field: bool,
     /// Whether flash differs from the program that was built.
     pub flash_fault: bool,
-    /// The reason for which the DPR last started.
+    /// The reason why the DPR last started.
     pub reset_reason: ResetReason,
     /// The number of accesses over SSI that were refused since start.
     pub access_violations: u32,
@@ -258,7 +265,8 @@ impl Default for Link {
 }
 
 impl Link {
-    /// Returns the state before any frame was received: the age is saturated, and the link is out of sequence.
+    /// Returns the state before any frame was received: the age has its greatest value, and the link is out of
+    /// sequence.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -285,7 +293,7 @@ impl Link {
         &self.clock
     }
 
-    /// Counts a frame. `sequence` is the state of the sequence after this frame.
+    /// Counts a frame. `sequence` is the state of the sequence after the frame.
     pub fn frame(&mut self, verdict: &Verdict, sequence: &Sequence) {
         self.received = self.received.wrapping_add(1);
         self.accepted = self.accepted.wrapping_add(verdict.accepted.count());
@@ -338,15 +346,16 @@ impl Link {
         })
     }
 
-    /// Returns the numbers of objects accepted and rejected and of frames received and missed, since start, wrapping.
+    /// Returns, since start and wrapping, the numbers of objects accepted, objects rejected, frames received and frames
+    /// missed.
     #[must_use]
     pub const fn counters(&self) -> [u32; 4] {
         [self.accepted, self.rejected, self.received, self.missed]
     }
 
-    /// Returns the µs since `instant_us`, saturating; `u32::MAX` if there was no such instant.
+    /// Returns the µs since `instant_us`, at most `u32::MAX`; `u32::MAX` if there was no such instant.
     fn since_us(&self, instant_us: Option<u64>) -> u32 {
-        // No branch is used, so that the time is the same with and without an instant.
+        // The code has no branch, so that it takes the same time whether there is an instant or not.
         let never = u64::from(instant_us.is_none()).wrapping_neg();
         let passed = self.clock.us().wrapping_sub(instant_us.unwrap_or_default()) | never;
         u32::try_from(passed).unwrap_or(u32::MAX)
@@ -422,7 +431,7 @@ mod tests {
         assert_eq!(monitor.deadline_us(), 32_500);
         assert_eq!(monitor.lapse(32_499), None);
         assert_eq!(monitor.lapse(32_500), OVERDUE(1, true));
-        // Three frames were due, at 20, 30 and 40 ms; the deadlines have counted two of them.
+        // Frames were due at 20, 30 and 40 ms. The deadlines have counted two of them, so one is left.
         assert_eq!(monitor.frame(0, 45_000, 50_000), 1);
         assert_eq!(monitor.frame(0, 55_000, 60_000), 0);
         assert_eq!(monitor.deadline_us(), 72_500);
@@ -430,7 +439,7 @@ mod tests {
 
     #[test]
     fn frames_that_were_due_between_two_are_counted_by_their_slots() {
-        // Each row has number and sample instant (µs) of two frames, and the number of missed frames between them.
+        // Each row has the number and sample instant (µs) of two frames, and the frames that were missed between them.
         for (one, other, missed) in [
             ((0, 0), (1, 0), 0),
             ((1, 0), (0, 10_000), 0),
@@ -452,7 +461,7 @@ mod tests {
         let mut monitor = Monitor::<1>::new();
         monitor.frame(0, 0, 0);
         assert_eq!(monitor.frame(0, 40_000, 0), 3);
-        // The frames that deadlines counted before a frame are not subtracted from those missed after it.
+        // Missed frames that deadlines have counted are subtracted once, from those missed before the next frame.
         let mut monitor = Monitor::<1>::new();
         monitor.frame(0, 0, 5_000);
         assert_eq!(monitor.lapse(37_500), OVERDUE(3, true));
@@ -477,7 +486,7 @@ mod tests {
             }
         }
         assert_eq!(missed, 1 + 1 + 2 * 8);
-        // The missed frames are the second frame of the cycle before and the first frame of this cycle.
+        // Two more frames are missed: the second one of the previous cycle and the first one of this cycle.
         assert_eq!(monitor.frame(1, 100_000, 103_935), 2);
     }
 
@@ -499,7 +508,7 @@ mod tests {
         assert_eq!(values(&link).age_100us, 51);
         link.advance(50_000 + 12_500);
         assert_eq!(values(&link).age_100us, 176);
-        // The age grows while no Reported-Position is accepted.
+        // The age in Link-Status keeps growing until a Reported-Position is accepted.
         link.frame(&verdict(Objects::NONE, Cycle::Same, 60_000), &sequence);
         assert_eq!(values(&link).age_100us, 176);
         for minutes in 1..200_u32 {
@@ -541,12 +550,12 @@ mod tests {
             let status = judged(&mut link, 10 * cycle, 10_000 * cycle);
             assert_eq!(status, LinkStatusBits::new().with_out_of_sequence(out), "cycle {cycle}");
         }
-        // No frame comes for 267.7 ms, and the sequence is lost only after that time.
+        // The sequence is lost only after 267.7 ms without a frame.
         link.advance(40_000 + 267_700);
         assert!(!values(&link).status.out_of_sequence());
         link.advance(40_000 + 267_701);
         assert!(values(&link).status.out_of_sequence());
-        // The repeated timestamp counts as frozen until the next cycle comes.
+        // A repeated timestamp makes HORUS count as frozen until the next cycle comes.
         let frozen = LinkStatusBits::new().with_out_of_sequence(true).with_horus_frozen(true);
         assert_eq!(judged(&mut link, 40, 400_000), frozen);
         assert_eq!(judged(&mut link, 50, 410_000), LinkStatusBits::new().with_out_of_sequence(true));

@@ -15,11 +15,11 @@
 //! The tasks with the highest priority stand first. `build.rs` makes the table in [`dpr_fw::task`] from the tasks'
 //! attributes. The longest times have these reasons:
 //!
-//! - `ssi_*`: after 10 µs the flight controller may select again.
+//! - `ssi_*`: 10 µs after a transaction the flight controller may select again.
 //! - `rf_*`: 40 µs are two bytes on the air. A task that verifies an object early takes about 30 µs, and the front
 //!   end's FIFO holds the bytes that arrive meanwhile.
 //! - `commit`: the design allows 0.1 ms from a frame's last bit to a readable image.
-//! - `scrub`, `port`: the next frame needs the buffer, and the next image the prepared area, after 10 ms.
+//! - `scrub`, `port`: 10 ms later the next frame needs the scrubbed buffer, and the next image the prepared area.
 //! - `hold_*`: an answer has 1 ms to spare ([`dpr_fw::hold::ANSWER_US`]).
 //! - `idle`: without a feed for 100 ms the watchdog resets the part.
 //!
@@ -69,7 +69,7 @@ mod app {
     };
     use firmware_common::{
         check_in::CheckIn,
-        last_stop::{self, Stop},
+        last_stop::{self, Cause, Stop},
         memory, mpu,
         patrol::{self, ram::APART, Pace, PartMemory, Patrol},
         safe_state, start_test,
@@ -98,10 +98,10 @@ mod app {
 
     static INTEGRITY: Integrity = Integrity::new();
 
-    /// Whether the RFID tasks have asked the commit task to prepare an image.
+    /// Whether the RFID tasks want the commit task to prepare an image.
     static FRAME_ARRIVES: AtomicBool = AtomicBool::new(false);
 
-    /// The least time between two requests to the scrub task that it make all tasks check in, µs.
+    /// The least time between two calls by which the scrub task makes all other tasks check in, µs.
     const SIGNS_OF_LIFE_US: u32 = 9_000;
 
     /// The state that the tasks `commit` and `deadline` share, which have one priority.
@@ -214,7 +214,7 @@ mod app {
         let mut memory = PartMemory::take();
         let patrol = Patrol::new(patrol::layout(integrity::SHUT_END, shared), integrity::RATE, &mut memory);
         mpu::apply(&mut core.MPU, &protection::TASKS);
-        // The first image is published before any frame is received.
+        // The task `commit` publishes the first image at once, before any frame is received.
         board::call(Task::commit);
         (
             Shared {
@@ -252,7 +252,7 @@ mod app {
         let mut judge = Judge::new();
         let mut image = ImageCheck::<RECEIVERS>::new();
         loop {
-            // After most interrupts there is nothing to do; then the loop only asks `pace`.
+            // After most interrupts there is nothing to do, and the idle loop only asks `pace`.
             let due = pace.due(hw::now_us());
             if due == 0 {
                 cortex_m::asm::wfi();
@@ -269,14 +269,13 @@ mod app {
             let each = if INTEGRITY.is_self_test_running() { integrity::SELF_TEST_SLICES } else { 1 };
             for number in 0..due * each {
                 let slice = cx.local.patrol.slice(cx.local.memory);
-                // A self-test does not verify the image, so the image gets its usual number of slices.
+                // A self-test does not verify the published image, so that image gets its usual number of slices.
                 let damaged = if number < due { image.slice(&hw::ShownImage) } else { None };
                 match judge.judge(&slice, damaged, &INTEGRITY, &TELEMETRY) {
                     Consequence::None => {}
                     Consequence::Withdraw => board::call(Task::commit),
                     Consequence::Stop(cause, detail) => {
-                        let stop = Stop::new(cause, 0, detail);
-                        safe_state::enter(hw::safe_state, || stop, |stop| hw::log_stop("memory", stop));
+                        stop("memory", Stop::new(cause, 0, detail));
                     }
                 }
             }
@@ -300,6 +299,21 @@ mod app {
         }
     }
 
+    /// Stops the DPR unless `task`, which begins to run, was called. A debugger may make any interrupt pending.
+    #[inline(always)]
+    fn begin(task: Task) {
+        if !board::was_called(task) && !cfg!(feature = "debugger-stops-watchdog") {
+            stop("flow", Stop::new(Cause::Flow, safe_state::active_exception(), task as u32));
+        }
+    }
+
+    /// Stops the DPR because of `stop`, which the check of `what` has found.
+    #[cold]
+    #[inline(never)]
+    fn stop(what: &'static str, stop: Stop) -> ! {
+        safe_state::enter(hw::safe_state, || stop, |stop| hw::log_stop(what, stop))
+    }
+
     /// Runs at the end of a transaction and whenever the processor gets the semaphore of the SSI's buffers.
     #[task(binds = SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1, priority = 6, local = [ssi, server], shared = [mailbox])]
     fn ssi_end(cx: ssi_end::Context) {
@@ -309,7 +323,8 @@ mod app {
         TELEMETRY.ssi_worst_cycles.record_max(DWT::cycle_count().wrapping_sub(start));
     }
 
-    /// Runs when the pause after a transaction is over. From then on the end of a transaction calls `ssi_end` again.
+    /// Runs when the pause after a transaction is over. After this task has run, the end of a transaction calls
+    /// `ssi_end` again.
     #[task(binds = TIMER3, priority = 6)]
     fn ssi_pause(_: ssi_pause::Context) {
         SsiDoorbell::end_pause();
@@ -348,7 +363,7 @@ mod app {
             }
             Call::Handed => {
                 board::call(Task::commit);
-                board::call(Task::scrub);
+                board::call_step(Task::scrub);
             }
         }
     }
@@ -364,7 +379,10 @@ mod app {
     /// readable.
     #[task(binds = TIMER1, priority = 4, shared = [committing, rotation, mailbox, prepared, front_end])]
     fn deadline(cx: deadline::Context) {
-        cx.shared.committing.deadline.clear();
+        // Without the timer's event only `scrub` has called the task. Its mark is left if both have.
+        if !cx.shared.committing.deadline.clear() {
+            begin(Task::deadline);
+        }
         let deadline::SharedResources { committing, rotation, mailbox, mut prepared, front_end } = cx.shared;
         prepared.lock(|prepared| publish(committing, rotation, mailbox, prepared.newest(), front_end));
         CHECK_IN.check_in(Task::deadline);
@@ -388,43 +406,45 @@ mod app {
         let mut outbox = Outbox { mailbox, filling, doorbell: SsiDoorbell, port, telemetry: &TELEMETRY };
         if intake.serve(rotation, &notices, &mut outbox, deadline) {
             TELEMETRY.commit_worst_cycles.record_max(DWT::cycle_count().wrapping_sub(start));
-            board::call(Task::scrub);
+            board::call_step(Task::scrub);
         }
     }
 
-    /// Scrubs the buffers that wait for it. Once a cycle it also calls the other tasks, so that they check in.
+    /// Scrubs the buffers that wait for a scrub. Once a cycle it also calls the other tasks, so that they check in.
     #[task(binds = SWI1_EGU1, priority = 3, local = [sign_of_life, asked_us: u32 = 0], shared = [rotation, mailbox])]
     fn scrub(cx: scrub::Context) {
+        begin(Task::scrub);
         TELEMETRY.scrubbed(triple::scrub_waiting(cx.shared.rotation));
         TELEMETRY.scrubbed(triple::scrub_waiting(cx.shared.mailbox));
         CHECK_IN.check_in(Task::scrub);
-        // With five receivers this task runs twice a cycle, but one check-in per cycle is enough for the watchdog.
+        // With five receivers the scrub task runs twice a cycle, but one check-in per cycle is enough for the watchdog.
         let now_us = hw::now_us();
         if now_us.wrapping_sub(*cx.local.asked_us) < SIGNS_OF_LIFE_US {
             return;
         }
         *cx.local.asked_us = now_us;
-        // A frame has already called these tasks, so that they have checked in.
+        // A frame has already called the RFID tasks and the commit task, so that they have checked in.
         let called = [Task::rf_spi, Task::rf_irq, Task::rf_timer, Task::commit, Task::deadline];
         #[cfg(feature = "hold")]
         let called = called.into_iter().chain([Task::hold_spi, Task::hold_irq, Task::hold_timer]);
         for task in called {
             if !CHECK_IN.has_checked_in(task) {
-                board::call(task);
+                board::call_step(task);
             }
         }
         SsiDoorbell::ask_for_sign_of_life(cx.local.sign_of_life);
-        board::call(Task::port);
+        board::call_step(Task::port);
     }
 
-    /// Runs when a transaction has brought bytes or an image was published. Judges these bytes, and prepares
-    /// Port-Status and uplinks for the next image.
+    /// Runs when a transaction has brought bytes, or an image was published. Judges the bytes, and prepares Port-Status
+    /// and uplinks for the next image.
     #[task(binds = SWI2_EGU2, priority = 2, local = [port, areas, spare, prepared_for: u32 = 0],
         shared = [prepared, hold])]
     fn port(mut cx: port::Context) {
         let start = DWT::cycle_count();
+        begin(Task::port);
         let port::LocalResources { port, areas, spare, prepared_for } = cx.local;
-        // The loop is bounded, since the SSI task grants a bounded number of transactions between two images.
+        // The loop ends, because the SSI task grants only a bounded number of transactions between two images.
         let mut changed = false;
         while let Some(brought) = areas.take() {
             changed |= port.transaction(*brought.about(), brought.memory(), hw::now_us());

@@ -9,8 +9,8 @@
 //! | 0x2001_0000 to 256 KiB | RAM: stack, statics and free memory | read, write | read, write |
 //! | 0x4000_0000, 0x5000_0000 | peripherals | all | those of `board.rs` that tasks use |
 //!
-//! *Null page*: it is shut, so that an access through a null pointer is a fault. The processor fetches vectors without
-//! the memory protection unit, and so does the code that verifies flash (`firmware_common::memory::load_shut`).
+//! *Null page*: this page is shut, so that an access through a null pointer is a fault. The processor fetches vectors
+//! without the memory protection unit, and so does the code that verifies flash (`firmware_common::memory::load_shut`).
 //!
 //! *Stack*: it grows down from the statics (flip-link) to 0x2001_0000. An overflow violates the memory protection.
 //!
@@ -145,8 +145,9 @@ mod tests {
     #[test]
     fn tasks_reach_only_the_boards_peripherals_and_two_neighbours() {
         let of_the_board = [0x3000, 0x4000, 0x6000, 0x8000, 0x9000, 0xA000, 0x1_0000, 0x1_A000];
-        // RTC1 and TIMER4 share an eighth with a peripheral of the board, so they are open. With the feature `hold`,
-        // TIMER4, SPIM2 and EGU3 are the board's, and UARTE0, NFCT, SAADC, RTC0 and EGU2 are open beside them.
+        // RTC1 and TIMER4 are open, because each shares an eighth of a region with a peripheral of the board. With the
+        // feature `hold`, TIMER4, SPIM2 and EGU3 are the board's, and UARTE0, NFCT, SAADC, RTC0 and EGU2 are open
+        // beside them.
         let beside: &[u32] = if cfg!(feature = "hold") {
             &[0x1_1000, 0x1_B000, 0x2_3000, 0x1_7000, 0x2000, 0x5000, 0x7000, 0xB000, 0x1_6000]
         } else {
@@ -158,7 +159,7 @@ mod tests {
             assert_eq!(TASKS.allows(address, Write), open, "{address:#x}");
             assert!(START.allows(address, Write) && !START.allows(address, Execute));
         }
-        // The addresses are P0.OUT and P1.OUT.
+        // The tasks may write the outputs of both GPIO ports, P0.OUT and P1.OUT.
         assert!(TASKS.allows(0x5000_0504, Write) && TASKS.allows(0x5000_0804, Write));
         assert_eq!((area(0x4001_E504), area(0x4000_A540)), ("a peripheral that is shut", "timers"));
         assert!(!TASKS.allows(0x5000_1000, Write) && !TASKS.allows(0x4001_E504, Write), "the flash controller");

@@ -5,7 +5,7 @@
 //! The listener, a state machine ([`st25r3916::Listener`]), decides what to send to the chip. The [`FrontEndPort`]
 //! starts SPI transfers by EasyDMA and a timer, and the driver's [`Executor`] connects the two. Three interrupts call
 //! [`Reception::serve`]: a transfer has ended, the IRQ pin has risen, the timer has elapsed. The cyclic check-in calls
-//! it too, so that a lost edge of the IRQ pin is made up for.
+//! this function too, so that a lost edge of the IRQ pin is made up for.
 //!
 //! A FIFO read returns a meaningless byte before the data. The port receives that byte just before the place of the
 //! data: at the first read of a frame this is the last of the [`LEAD`] bytes, later the last byte of the previous read,
@@ -13,8 +13,8 @@
 //!
 //! # Buffers
 //!
-//! [`Reception::serve`] hands a buffer that holds a frame to the commit task and goes on with a clean one. The buffer
-//! of a frame that is not delivered is replaced by a clean one as well, so that it never mixes with another frame.
+//! [`Reception::serve`] hands a buffer that holds a frame to the commit task and goes on with a clean buffer. If a
+//! frame is not delivered, its buffer is replaced by a clean one as well, so that it never mixes with another frame.
 //!
 //! # The end of a frame
 //!
@@ -34,7 +34,7 @@ use crate::{
     triple::{Filling, Memory, Rotated, Rotation},
 };
 
-/// The number of bytes before LEN in a receive buffer, for the first byte of a read, and to align the payload.
+/// The number of bytes before LEN in a receive buffer. They take the first byte of a read, and align the payload.
 pub const LEAD: usize = 3;
 const _: () = assert!((LEAD + PAYLOAD_OFFSET).is_multiple_of(4));
 
@@ -43,7 +43,7 @@ const _: () = assert!((LEAD + PAYLOAD_OFFSET).is_multiple_of(4));
 /// takes 0.26 ms at worst (store-and-forward) and re-arming 0.03 ms. Only the read-back of a setting may last longer.
 pub const RESUME_AFTER_US: u32 = 80;
 
-/// The hardware that the executor needs, with the receive buffer that is being written.
+/// The hardware that the executor needs, and the receive buffer that is being written.
 pub trait FrontEndPort: executor::Port {
     /// The type of a receive buffer.
     type Buffer: Memory;
@@ -74,7 +74,7 @@ pub enum FrontEnd {
 }
 
 impl FrontEnd {
-    /// Whether the front end senses no field, and has no fault other than silence.
+    /// Whether the front end senses no field, and has no other fault than silence.
     #[must_use]
     pub const fn senses_no_field(self) -> bool {
         matches!(self, Self::Starting | Self::Listening { field: false } | Self::Lost(Fault::Silence { field: false }))
@@ -94,7 +94,7 @@ impl FrontEnd {
     }
 }
 
-/// What is kept about a received frame in addition to its bytes.
+/// What is kept about a received frame besides its bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameInfo {
     /// The number of payload bytes.
@@ -113,14 +113,14 @@ impl FrameInfo {
     }
 }
 
-/// The tasks that the RFID task must call.
+/// The tasks that the RFID task has to call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Call {
     /// No task has to be called.
     None,
-    /// The commit task, to prepare an image: most of a frame has arrived.
+    /// The commit task has to be called to prepare an image, because most of a frame has arrived.
     Prepare,
-    /// The commit task and the scrub task: a buffer was passed on.
+    /// The commit task and the scrub task have to be called, because a buffer was passed on.
     Handed,
 }
 
@@ -135,7 +135,7 @@ impl<P: FrontEndPort> Reception<P> {
     /// Starts to bring up the front end, and returns the state of the RFID tasks.
     pub fn start(listener: Listener, port: P) -> Self {
         let mut executor = Executor::new(listener, port);
-        // A bring-up begins with a transfer, which gives no event.
+        // A bring-up begins with a transfer, so the first step of the executor gives no event.
         let event = executor.resume();
         debug_assert!(event.is_none(), "{event:?}");
         Self { executor, early: Early::default() }
@@ -155,8 +155,7 @@ impl<P: FrontEndPort> Reception<P> {
         while let Some(happened) = event {
             match happened {
                 ListenerEvent::Frame { len, flags } => {
-                    // If the front end is already within a field when it begins to listen, it may not report that
-                    // field.
+                    // A front end that is already within a field when it begins to listen may not report that field.
                     front_end.lock(|state| *state = FrontEnd::Listening { field: true });
                     telemetry.chip_crc_flags.add(u32::from(!flags.is_clean()));
                     let info =
@@ -179,7 +178,7 @@ impl<P: FrontEndPort> Reception<P> {
                 }),
                 ListenerEvent::Fault(fault) => {
                     match fault {
-                        // HORUS may be switched off, so silence is not counted as a fault of the front end.
+                        // Silence does not count as a fault of the front end, because HORUS may be switched off.
                         Fault::Silence { .. } => telemetry.rf_silences.add(1),
                         _ => telemetry.rf_faults.add(1),
                     }
@@ -229,7 +228,7 @@ impl<P: FrontEndPort> Reception<P> {
     }
 }
 
-/// Replaces the buffer of a frame that will not be delivered by a clean one.
+/// Gives up the frame that is being received: its buffer is replaced by a clean one.
 fn replace_buffer<P: FrontEndPort>(
     executor: &mut Executor<Listener, P>,
     rotation: &mut impl Mutex<T = Rotation<P::Buffer, FrameInfo>>,

@@ -6,8 +6,8 @@
 //! one made no valid request, it shows the map from its start. A request is eight bytes with a CRC; eight bytes 0x00 or
 //! 0xFF (an undriven line) are no request.
 //!
-//! Only the request is judged here, because the next transaction waits for it. The port task, of low priority, judges
-//! the other bytes ([`port`](crate::port)).
+//! Only the request is judged here, because the next transaction waits for the result. The port task, of low priority,
+//! judges the other bytes ([`port`](crate::port)).
 //!
 //! The SSI interrupt has the highest priority, so a flight controller that selects and deselects the DPR in a loop
 //! could keep the RFID side from running. The peripheral reports the end of every granted transaction, even of one
@@ -64,7 +64,8 @@ impl<const LEN: usize> Windows<LEN> {
         Self { next: None }
     }
 
-    /// Records the end of a transaction in which `mosi` came in. Its request decides what the next transaction shows.
+    /// Records the end of a transaction during which the bytes `mosi` came in. The request in them decides what the
+    /// next transaction shows.
     pub fn transaction(&mut self, mosi: &[u8]) -> Asked {
         let (asked, next) = match mosi.first_chunk().map(|request| ssi::parse(request, LEN)) {
             Some(Ok(Parsed::Nothing)) => (Asked::Nothing, None),
@@ -86,10 +87,10 @@ impl<const LEN: usize> Windows<LEN> {
     }
 }
 
-/// How long, µs, the end of a transaction does not call the SSI task after that task has served the end of another. It
-/// is longer than the time from a frame's last bit to its image with one run of the SSI task in it
-/// (docs/timing.md#sums). It is shorter than the least time between the ends of two transactions of 96 bytes
-/// ([`ssi::timing::SPACING_NS`]) less the time in which the first of them is served.
+/// The pause after the end of a transaction, µs, in which the end of another does not call the SSI task. It is longer
+/// than the time from a frame's last bit to its image with one run of the SSI task in it (docs/timing.md#sums). It is
+/// shorter than the least time between the ends of two transactions of 96 bytes ([`ssi::timing::SPACING_NS`]) less the
+/// time in which the first of them is served.
 pub const PAUSE_US: u32 = 95;
 
 // Shows WAY-4.
@@ -140,18 +141,19 @@ pub struct SignOfLife {
 }
 
 impl SignOfLife {
-    /// The number of cycles, of 12.5 ms at most, that a transaction may last before the task is called during it. With
-    /// the cycle of that call they are half of the watchdog's 100 ms.
+    /// The number of cycles, of 12.5 ms at most, for which the SSI task is not called during a transaction. With the
+    /// cycle of the call after them they are half of the watchdog's 100 ms.
     pub const MOST: u32 = 3;
 
-    /// Returns the state at the start. The start has taken up to a third of the watchdog's time, so a transaction that
-    /// is under way then is waited for during one cycle only.
+    /// Returns the state at the start. The start has taken up to a third of the watchdog's time. So a transaction that
+    /// is in progress at the start is waited for during one cycle only.
     #[must_use]
     pub const fn new() -> Self {
         Self { transactions: 0, waited: Self::MOST - 1 }
     }
 
-    /// Whether to call the task so that it checks in, given the transactions so far. To be asked once a cycle.
+    /// Whether to call the SSI task so that it checks in, given the number of transactions so far. To be asked once a
+    /// cycle.
     pub fn is_due(&mut self, transactions: u32, is_selected: bool) -> bool {
         let has_come = transactions != self.transactions;
         self.transactions = transactions;
@@ -247,7 +249,7 @@ mod tests {
             prop_assert!(window.start < window.end && window.end <= 156);
             if !damage {
                 let inside = length > 0 && usize::from(offset) + usize::from(length) <= 156;
-                // The request (0, 0) has a CRC that is not zero, so it is a request for no bytes.
+                // A request for no bytes, (0, 0), has a CRC other than zero, so it does not look like an idle line.
                 let expected = match inside {
                     true => Asked::Window,
                     false if mosi == [0xFF; 8] => Asked::Nothing,

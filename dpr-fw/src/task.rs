@@ -7,16 +7,27 @@ include!(concat!(env!("OUT_DIR"), "/each_task.rs"));
 
 each_task!(firmware_common::task_table);
 
-/// The tasks of the second port (feature `hold`). With that feature they are also the last ones of [`TASKS`].
+/// The tasks of the second port (feature `hold`). With that feature, [`TASKS`] ends with them.
 pub mod hold {
     include!(concat!(env!("OUT_DIR"), "/each_hold_task.rs"));
 
     macro_rules! names {
         ($($name:ident $vector:ident)*) => {
-            /// The names of these tasks with their interrupt vectors.
+            /// The names of the second port's tasks with their interrupt vectors.
             pub const TASKS: &[(&str, &str)] = &[$((stringify!($name), stringify!($vector))),*];
         };
     }
 
     each_hold_task!(names);
+}
+
+impl Task {
+    /// Whether the task runs only if another one, or its own timer, calls it; the DPR stops if it runs without
+    /// ([`firmware_common::calls`]). Each other task asks its hardware or its queue what there is to do, and does
+    /// nothing if there is nothing: how often it runs is up to whoever sends frames or reads the DPR, and must not make
+    /// the DPR stop.
+    #[must_use]
+    pub const fn is_step(self) -> bool {
+        matches!(self, Self::deadline | Self::scrub | Self::port)
+    }
 }

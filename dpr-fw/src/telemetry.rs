@@ -5,7 +5,7 @@ use crate::triple::Scrubbed;
 firmware_common::counters! {
     /// The static `DPR_TELEMETRY`: 32-bit counters in this order, all zero at start. Totals wrap.
     pub struct Telemetry {
-        /// Received frames whose length is that of a frame of this profile.
+        /// Received frames with the length of one of this profile's frames.
         frames_received,
         /// Frames whose deadline passed.
         frames_missed,
@@ -39,15 +39,15 @@ firmware_common::counters! {
         images_readable,
         /// The longest run of the SSI task, processor cycles.
         ssi_worst_cycles,
-        /// The longest run of the commit task, processor cycles, including what preempted it.
+        /// The longest run of the commit task, processor cycles, including the tasks that preempted it.
         commit_worst_cycles,
-        /// The time from the end of the last frame to its publication, µs.
+        /// The time from the end of the last frame to the publication of its image, µs.
         rxe_to_publish_us,
-        /// The longest time from the end of a frame to its publication, µs.
+        /// The longest time from the end of a frame to the publication of its image, µs.
         rxe_to_publish_worst_us,
-        /// SSI transactions that clocked out more bytes than their window had, and so read 0xFF at the end.
+        /// SSI transactions during which more bytes were clocked out than their window had. They read 0xFF at the end.
         ssi_over_reads,
-        /// SSI transactions that clocked in more than a receive area's 80 bytes, as every longer read does.
+        /// SSI transactions during which more than a receive area's 80 bytes came in, as in every longer read.
         ssi_overflows,
         /// How often an image expired in hardware because none replaced it in time.
         images_expired,
@@ -55,13 +55,14 @@ firmware_common::counters! {
         last_stop,
         /// Complete passes of the patrol over flash.
         flash_passes,
-        /// Passes over flash that found it changed.
+        /// Passes over flash that found the program changed.
         flash_faults,
         /// Objects of published images that were found changed.
         image_faults,
         /// Complete passes of the patrol over the RAM in use.
         ram_passes,
-        /// How often a word of RAM in use did not hold what was written to it, also in the test at the start.
+        /// How often a word of RAM in use did not hold the value that was written to it. The test at the start counts
+        /// as well.
         ram_errors,
         /// How often the budget of transactions between two images was used up.
         ssi_budgets_spent,
@@ -71,11 +72,11 @@ firmware_common::counters! {
         uplinks_accepted,
         /// 1 if the last uplink or command that came in was refused, otherwise 0.
         uplink_rejected,
-        /// The longest run of the port task, processor cycles, including what preempted it.
+        /// The longest run of the port task, processor cycles, including the tasks that preempted it.
         port_worst_cycles,
         /// How often the front end lost the sender's field.
         field_losses,
-        /// How often the front end was brought up anew because it had received nothing for long.
+        /// How often the front end was brought up again because it had received nothing for long.
         rf_silences,
         /// The last front end register whose value differed from the one that was set, or 0 if none. Bits 23 to 16 hold
         /// its address (plus 0x40 in space B), bits 15 to 8 the value that was set, bits 7 to 0 the value that was

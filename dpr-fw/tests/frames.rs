@@ -1,5 +1,5 @@
-//! Tests the way from the air to the image: the functions that the firmware's tasks call, on a model of the chip.
-//! Time is virtual. SPI takes its time byte by byte at 8 MHz; the work of the firmware's tasks takes none.
+//! Tests the way from the air to the image: the functions that the firmware's tasks call, on a model of the chip. Time
+//! is virtual. SPI takes its time byte by byte at 8 MHz. The firmware's tasks take no time.
 
 use std::{cell::RefCell, collections::VecDeque, rc::Rc};
 
@@ -31,7 +31,8 @@ const BIT_AS: u64 = 2_359_882_005_899;
 const CYCLE_NS: u64 = 10_000_000;
 /// The first byte of a status read, which reads registers from 0x19 on.
 const STATUS_READ: u8 = 0x59;
-/// The instant of the first cycle's sample, ns. The bring-up is over by then, and the field has been on for a while.
+/// The instant of the first cycle's sample, ns. Before it the bring-up has ended, and the field has been on for a
+/// while.
 const FIRST_TICK_NS: u64 = 33_000_000;
 
 fn timestamp(cycle: u64) -> u32 {
@@ -91,7 +92,7 @@ impl World {
         }
     }
 
-    /// Sends a frame whose first bit is on the air at the instant `at`, ns.
+    /// Sends a frame whose first bit is on the air at instant `at`, ns.
     fn send(&mut self, at: u64, payload: &[u8], damage: impl FnOnce(&mut [u8])) {
         let mut data = vec![payload.len() as u8 + 1];
         data.extend(payload);
@@ -254,7 +255,7 @@ struct Dpr<const N: usize> {
     commit: Commit<N>,
     album: Album,
     telemetry: Telemetry,
-    /// Whether the commit task is held back, so that frames wait.
+    /// Whether the commit task is kept from running, so that frames wait.
     commit_waits: bool,
 }
 
@@ -318,7 +319,7 @@ impl<const N: usize> Dpr<N> {
         end
     }
 
-    /// Returns a running link that is in sequence: cycles 0 to 3 have come, and an image shows the objects of cycle 3.
+    /// Returns a running link in sequence: cycles 0 to 3 have come, and an image shows the objects of cycle 3.
     fn in_sequence(read_mode: ReadMode) -> Self {
         let mut dpr = Self::new(read_mode);
         for cycle in 0..4 {
@@ -434,7 +435,7 @@ fn every_profile_arrives<const N: usize>(read_mode: ReadMode, bound_ns: u64) {
 
 #[test]
 fn profiles_of_any_number_of_receivers_arrive_while_the_fifo_fills() {
-    // SPI and the chip get 40 µs of the 0.1 ms that the design allows; the processor gets the rest.
+    // The design allows 0.1 ms from the last bit to the image. SPI and chip get 40 µs of them, the processor the rest.
     every_profile_arrives::<1>(ReadMode::WhileFilling, 40_000);
     every_profile_arrives::<2>(ReadMode::WhileFilling, 40_000);
     every_profile_arrives::<3>(ReadMode::WhileFilling, 40_000);
@@ -443,7 +444,7 @@ fn profiles_of_any_number_of_receivers_arrive_while_the_fifo_fills() {
 
 #[test]
 fn profiles_arrive_by_store_and_forward() {
-    // The SPI takes 0.248 ms for the 247 bytes of a frame and the read command.
+    // With store-and-forward, reading a frame's 247 bytes over the SPI takes 0.248 ms with the command.
     every_profile_arrives::<3>(ReadMode::StoreAndForward, 280_000);
     every_profile_arrives::<5>(ReadMode::StoreAndForward, 280_000);
 }
@@ -460,7 +461,7 @@ fn no_transfer_reaches_the_chip_for_its_rest_time_after_a_frame() {
     let (frame_ns, _) = dpr.album.published[4];
     let rest_ns = u64::from(RESUME_AFTER_US) * 1_000;
     for later_ns in (1_000..rest_ns).step_by(1_000) {
-        // Each step calls the task once more, as an edge that is reported twice or the check-in does.
+        // Each step calls the RFID task a second time, as a check-in or an edge that is reported twice does.
         dpr.run_to(frame_ns + later_ns);
         assert!(dpr.world.borrow().transfer.is_none(), "{later_ns} ns after the frame");
     }
@@ -470,7 +471,7 @@ fn no_transfer_reaches_the_chip_for_its_rest_time_after_a_frame() {
 
 #[test]
 fn a_receive_buffer_just_holds_the_longest_frame() {
-    // The frame has LEN, payload and CRC-16, after the bytes that align the payload.
+    // In the buffer the bytes that align the payload come first, then LEN, payload and CRC-16.
     let longest = LEAD + 1 + air::MAX_PAYLOAD + 2;
     assert!((longest..longest + 4).contains(&(4 * RECEIVE_WORDS)));
 }
@@ -498,7 +499,8 @@ fn early_without<const N: usize>(missing: usize) -> Vec<Early> {
 
 #[test]
 fn all_but_a_frames_last_bytes_are_verified_while_it_arrives() {
-    // The bytes that arrive after the third read has begun are read at the frame's end; two of them are its CRC-16.
+    // The bytes that arrive after the third read has begun are read at the frame's end. Two of those bytes are the
+    // CRC-16.
     assert_eq!(verified_early::<1>(ReadMode::WhileFilling), early_without::<1>(TAIL - 2));
     assert_eq!(verified_early::<3>(ReadMode::WhileFilling), early_without::<3>(TAIL - 2));
     assert_eq!(verified_early::<5>(ReadMode::WhileFilling), early_without::<5>(TAIL - 2));
@@ -521,7 +523,7 @@ fn the_age_at_publication_is_the_samples() {
 fn a_damaged_byte_costs_only_the_object_it_lies_in() {
     let mut dpr = Dpr::<3>::in_sequence(ReadMode::WhileFilling);
     let sent = profile_at::<3>(timestamp(4));
-    // Byte 70 of the payload lies in GPS1.
+    // The damaged byte, byte 70 of the payload, lies in GPS1.
     let at = FIRST_TICK_NS + 4 * CYCLE_NS + 300_000;
     dpr.world.borrow_mut().send(at, sent.as_bytes(), |data| data[1 + 70] ^= 0x10);
     dpr.run_to(at + CYCLE_NS);
@@ -550,7 +552,7 @@ fn a_frame_of_another_length_is_counted_and_the_next_is_shown() {
 enum Lost {
     /// The field goes off during the frame.
     WithTheField,
-    /// The transfer that reads the frame's bytes never ends.
+    /// The SPI transfer that reads the frame's bytes never ends.
     WithTheSpi,
 }
 
@@ -567,7 +569,7 @@ fn a_buffer_with_a_lost_frame_is_scrubbed_before_the_next_one() {
             world.air.push_back(end);
             world.air.push_back((tick + 5_500_000, AirEvent::FieldOn));
         }
-        // By then the listener has read bytes of the frame into the buffer.
+        // Before the fault the listener has read some bytes of the frame into the buffer.
         dpr.run_to(tick + 4_750_000);
         let buffer_is_clean = |dpr: &mut Dpr<3>| {
             dpr.receiver.port().buffer.as_ref().is_some_and(|buffer| buffer.peek() == &[0; RECEIVE_WORDS])
@@ -575,7 +577,7 @@ fn a_buffer_with_a_lost_frame_is_scrubbed_before_the_next_one() {
         assert!(!buffer_is_clean(&mut dpr), "{lost:?}: the frame has been read in part");
         dpr.world.borrow_mut().stuck = matches!(lost, Lost::WithTheSpi);
         dpr.run_to(tick + 2 * CYCLE_NS);
-        // A receiver that loses the field may also report the end of a shorter frame.
+        // If the field is lost during a frame, the receiver may also report the end of a shorter frame.
         assert_eq!(dpr.telemetry.rf_faults.get() + dpr.telemetry.wrong_length.get(), 1, "{lost:?}");
         assert!(buffer_is_clean(&mut dpr), "{lost:?}: what is received into next is a scrubbed buffer");
         assert_eq!(dpr.profile(dpr.published() - 1), [0; Profile::<3>::SIZE], "{lost:?}");
@@ -640,8 +642,9 @@ fn a_missing_field_is_told_from_air_that_loses_frames() {
 
 #[test]
 fn a_frame_that_ends_during_a_status_read_keeps_its_instant() {
-    // A damaged LEN shifts the listener's timed status reads by whole bytes, and a wrong bit rate shifts the frame's
-    // end between the reads. So some status reads find the frame's end, and no wait for the IRQ pin does.
+    // A damaged LEN shifts the listener's timed status reads by whole bytes. A wrong bit rate shifts the frame's end
+    // between those reads. So some status reads find the frame's end although the listener does not wait for the IRQ
+    // pin.
     let mut met = 0;
     for (more, slow) in (4..=12).flat_map(|more| (0..10).map(move |slow| (more, slow))) {
         let mut dpr = Dpr::<1>::in_sequence(ReadMode::WhileFilling);
@@ -650,7 +653,7 @@ fn a_frame_that_ends_during_a_status_read_keeps_its_instant() {
         let at = FIRST_TICK_NS + 4 * CYCLE_NS + 1_000 * u64::from(slot_us);
         dpr.world.borrow_mut().send(at, sent.as_bytes(), |data| data[0] += more);
         {
-            // The bit rate is off by tenths of a percent, each of which is 2.5 µs at the frame's end.
+            // The frame's bit rate is wrong by some tenths of a percent. Each tenth shifts the frame's end by 2.5 µs.
             let longer = |span: u64| span + span / 1_000 * slow;
             let mut world = dpr.world.borrow_mut();
             for (instant, event) in &mut world.air {
@@ -664,7 +667,7 @@ fn a_frame_that_ends_during_a_status_read_keeps_its_instant() {
         dpr.run_to(at + 5_000_000);
         met += dpr.world.borrow().rises_in_status_reads - met_before;
         assert_eq!(dpr.profile(4), sent.as_bytes(), "LEN + {more}, {slow}");
-        // The age counts from the end of the frame. If it counted from the sync, it would be 2.4 ms more.
+        // The reported age counts from the frame's end. If it counted from the sync, it would be 2.4 ms greater.
         let (published, _) = dpr.album.published[4];
         let age_100us = (published - (FIRST_TICK_NS + 4 * CYCLE_NS)) / 100_000;
         assert!(u64::from(dpr.link().age_100us).abs_diff(age_100us) <= 1, "LEN + {more}, {slow}: {:?}", dpr.link());
@@ -698,12 +701,12 @@ fn a_front_end_that_hears_nothing_says_so_until_a_frame_comes() {
         }
         dpr.run_to(silent_from + 450_000_000);
         assert_eq!((dpr.front_end, dpr.telemetry.rf_silences.get()), (FrontEnd::Listening { field }, 0));
-        // The front end is brought up anew after 0.5 s of silence and again after another second. Until it receives a
-        // frame it counts as lost.
+        // After 0.5 s of silence the front end is brought up anew, and again after another second. It counts as lost
+        // until it receives a frame.
         dpr.run_to(silent_from + 600_000_000);
         let silence = FrontEnd::Lost(Fault::Silence { field });
         assert_eq!((dpr.front_end, dpr.telemetry.rf_silences.get()), (silence, 1), "field: {field}");
-        // Without a field the silence is HORUS's fault, not the front end's.
+        // Without a field, the silence is no fault of the front end.
         assert_eq!((silence.is_out_of_order(), silence.senses_no_field()), (field, !field));
         dpr.run_to(silent_from + 1_700_000_000);
         assert_eq!((dpr.front_end, dpr.telemetry.rf_silences.get()), (silence, 2), "field: {field}");

@@ -37,7 +37,7 @@ const READY: u64 = 60 * MS;
 /// The time from the last clock of the transmit command to the answer's first bit, ns.
 const LATENCY: u64 = 3_650;
 
-/// An SPI transfer that is under way, or that begins at `start`.
+/// An SPI transfer in progress, or one that begins at `start`.
 struct Transfer {
     mosi: Vec<u8>,
     miso: Vec<u8>,
@@ -45,7 +45,7 @@ struct Transfer {
 }
 
 impl Transfer {
-    /// Returns the time at which the next byte ends.
+    /// Returns the time at which the transfer's next byte ends.
     fn next(&self) -> Option<u64> {
         let done = self.miso.len() as u64;
         (self.miso.len() < self.mosi.len()).then(|| self.start + (done + 1) * BYTE_NS)
@@ -58,7 +58,7 @@ struct World {
     now: u64,
     air: VecDeque<(u64, AirEvent)>,
     transfer: Option<Transfer>,
-    /// Whether transfers neither end nor can be stopped.
+    /// Whether SPI transfers hang: they do not end and cannot be stopped.
     stuck: bool,
     irq: bool,
     irq_rose: u64,
@@ -95,7 +95,7 @@ impl World {
         }
     }
 
-    /// Sends a frame whose first bit is on the air at time `at`. Returns the time of its last bit.
+    /// Sends a frame whose first bit is on the air at time `at`. Returns the time of the frame's last bit.
     fn send(&mut self, at: u64, payload: &[u8]) -> u64 {
         let mut data = vec![payload.len() as u8 + 1];
         data.extend(payload);
@@ -123,7 +123,7 @@ struct SimPort {
     response: Vec<u8>,
     timer: u64,
     answer: Vec<u8>,
-    /// The time at which the timer starts the armed transfer.
+    /// The time at which the timer starts the transfer that is armed.
     armed: Option<u64>,
     resting: bool,
     broken: bool,
@@ -451,7 +451,7 @@ fn an_accepted_frame_is_answered_with_both_uplinks() {
 fn the_answer_keeps_its_instant_whenever_horus_has_work() {
     let mut dpr = Dpr::new();
     for (timestamp, from_us) in (0_u64..3_600).step_by(150).enumerate() {
-        // HORUS's tasks run for 0.4 ms, longer than in the DPR, and begin at any time around the frame's end.
+        // HORUS's tasks run for 0.4 ms at any time around the frame's end, longer than they ever do in the DPR.
         let from = dpr.now() + MS + from_us * US;
         dpr.busy.push(from..from + 400 * US);
         dpr.is_answered(timestamp as u32);
@@ -499,11 +499,11 @@ fn frames_at_every_opportunity_are_served_within_the_budget() {
     let before = dpr.calls;
     dpr.run_to(at);
     let windows = ((at - begin) / MS) as u32 * 1_000 / Budget::WINDOW_US + 1;
-    // The calls that only make the tasks check in come on top of the budget.
+    // Calls that only make the tasks check in are not bounded by the budget.
     let most = windows * (Budget::CALLS + 1) + ((at - begin) / CHECK_IN) as u32;
     assert!(windows > 5 && dpr.calls - before <= most, "{} calls in {windows} windows", dpr.calls - before);
     assert!(dpr.telemetry.rests.get() + 1 >= windows && dpr.telemetry.calls_most.get() <= Budget::CALLS);
-    // The last call within the budget may begin one more transfer, at most of a whole frame.
+    // The call that uses the budget up may still begin one transfer, at most of a whole frame.
     assert!(dpr.telemetry.bytes_most.get() < Budget::BYTES + 258);
     dpr.answers();
     dpr.run_to(at + 200 * MS);

@@ -11,7 +11,7 @@ use core::{
 
 /// The tasks of a firmware that have to check in.
 pub trait Task: Copy {
-    /// The number of tasks, at most 32.
+    /// The number of a firmware's tasks, at most 32.
     const COUNT: u32;
 
     /// Returns the number of this task, below [`Task::COUNT`].
@@ -60,6 +60,13 @@ macro_rules! task_vectors {
             rtic::pend(TASK_VECTORS[task as usize]);
         }
 
+        /// Whether the interrupt of `task` is pending.
+        #[allow(dead_code)]
+        #[inline(always)]
+        pub(crate) fn is_pending(task: Task) -> bool {
+            cortex_m::peripheral::NVIC::is_pending(TASK_VECTORS[task as usize])
+        }
+
         /// Returns the name of the task with this exception number, which is that of its interrupt plus 16 (ARMv7-M ARM
         /// B1.5.2).
         pub(crate) fn task_of(exception: u16) -> &'static str {
@@ -70,7 +77,7 @@ macro_rules! task_vectors {
     };
 }
 
-const MOST: usize = 32;
+pub(crate) const MOST: usize = 32;
 
 /// The record of which tasks of type `T` have checked in.
 #[derive(Debug)]
@@ -95,7 +102,8 @@ impl<T: Task> CheckIn<T> {
 
     /// Records that `task` runs. Tasks of any priority may call this.
     pub fn check_in(&self, task: T) {
-        // One byte per task is stored four times as fast as a bit in a shared word, which would delay each frame.
+        // Each task has a byte of its own, which is stored four times as fast as a bit in a shared word. A slower
+        // check-in would delay each frame.
         if let Some(own) = self.seen.get(task.number() as usize) {
             own.store(true, Ordering::Relaxed);
         }
@@ -107,7 +115,8 @@ impl<T: Task> CheckIn<T> {
         self.seen.get(task.number() as usize).is_some_and(|own| own.load(Ordering::Relaxed))
     }
 
-    /// Whether every task has checked in since this last returned true. If so, all have to check in anew.
+    /// Returns whether every task has checked in since the last call that returned true. If so, all tasks have to check
+    /// in anew.
     pub fn complete(&self) -> bool {
         let tasks = self.seen.iter().take(T::COUNT as usize);
         let all = tasks.clone().all(|seen| seen.load(Ordering::Relaxed));

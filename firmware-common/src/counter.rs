@@ -34,7 +34,7 @@ impl Counter {
         self.0.fetch_add(amount, Ordering::Relaxed);
     }
 
-    /// Adds `amount`, wrapping, without an exclusive access. Only for a task that alone changes the counter.
+    /// Adds `amount`, wrapping, without an exclusive access. Only for a counter that no other task changes.
     pub fn add_alone(&self, amount: u32) {
         self.0.store(self.0.load(Ordering::Relaxed).wrapping_add(amount), Ordering::Relaxed);
     }

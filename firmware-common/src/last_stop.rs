@@ -53,7 +53,7 @@ causes! {
     BusFault = 2, "bus fault";
     /// An instruction cannot be executed: it is undefined or unaligned, divides by zero, or needs another state.
     UsageFault = 3, "usage fault";
-    /// A HardFault happened that is none of the other faults: a vector could not be read, or a debug event came.
+    /// A HardFault that is none of the other faults: a vector could not be read, or a debug event came.
     HardFault = 4, "hard fault";
     /// The firmware panicked. The detail is the line of the panic.
     Panic = 5, "panic";
@@ -69,16 +69,20 @@ causes! {
     Clock = 10, "external clock failed";
     /// An oscillator or a PLL did not become ready in its time at the start.
     ClockStart = 11, "clock did not start";
-    /// RAM in use does not hold what is written to it. The detail is the address; 0 if RAM was not tested at the start.
+    /// RAM in use does not hold what is written to it. The detail is the address, or 0 if the RAM was not tested at the
+    /// start.
     Ram = 12, "RAM faulty";
     /// The supply is below what the part needs. The detail is the threshold, mV.
     Supply = 13, "supply too low";
     /// The brown-out reset is not set to the level that HORUS needs. The detail is the level in the option bytes.
     BrownOutLevel = 14, "brown-out reset not set";
+    /// A task ran out of order, twice, too early or without a call. The detail is the number of the step or task.
+    Flow = 15, "task out of order";
 }
 
 impl Cause {
-    /// Whether the cause is memory that does not hold what was written to it: flash, code in RAM, guards, RAM in use.
+    /// Whether the cause is memory that does not hold what was written to it: flash, code in RAM, guard words, or RAM
+    /// in use.
     #[must_use]
     pub const fn is_memory_fault(self) -> bool {
         matches!(self, Self::Flash | Self::CodeInRam | Self::GuardWord | Self::Ram)
@@ -89,12 +93,12 @@ impl Cause {
     }
 }
 
-/// The end of the path of a source file, padded with zeros.
+/// The last characters of the path of a source file, padded with zeros.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Place([u8; Self::LEN]);
 
 impl Place {
-    /// The number of bytes of a path that are kept.
+    /// The number of bytes that are kept of a source file's path.
     pub const LEN: usize = 24;
 
     /// Returns the last bytes of `path`.
@@ -165,7 +169,7 @@ impl FaultStatus {
         self.cfsr & Self::NO_FRAME == 0
     }
 
-    /// Returns the cause. A refused access comes first, because it often makes the stacking fail too.
+    /// Returns the cause of the fault. A refused access comes first, because it often makes the stacking fail too.
     const fn cause(self) -> Cause {
         if self.cfsr & Self::MEMORY != 0 {
             Cause::MemoryProtection
@@ -266,7 +270,8 @@ fn check_word(words: &[u32; WORDS]) -> u32 {
 
 fn fault_in_words(cause: Cause, cfsr: u32) -> &'static str {
     let bits: &[(u32, &str)] = match cause {
-        // The refused access comes first: it is also the reason why a frame could not be stacked.
+        // The bit for a refused access comes before the bit for a failed entry to the handler, which may be its
+        // consequence.
         Cause::MemoryProtection => {
             &[(0, "execution"), (1, "data access"), (4, "exception entry"), (3, "exception return"), (5, "FPU state")]
         }
@@ -329,9 +334,9 @@ pub fn note(stop: &Stop) {
     record(&stop.to_words());
 }
 
-/// Runs `wait`, which may never end, with `stop` recorded meanwhile. If it never ends, the watchdog resets the part,
-/// and the record then tells the reason. Otherwise there is no record afterwards, unless a stop during `wait` recorded
-/// itself. An older record has to be [taken](take) before.
+/// Runs `wait` with `stop` recorded. If `wait` never ends, the watchdog resets the part, and the record tells the
+/// reason. If `wait` ends, the record is erased, unless a stop during `wait` has recorded itself. An older record has
+/// to be [taken](take) before.
 pub fn unless_over<T>(stop: &Stop, wait: impl FnOnce() -> T) -> T {
     record(&stop.to_words());
     let over = wait();

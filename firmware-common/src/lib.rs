@@ -1,9 +1,11 @@
-//! The code that both boards' firmwares share.
+//! The code that the boards' firmwares share.
 //!
 //! | module | content |
 //! |---|---|
+//! | [`calls`] | the check that a task runs only after another one has called it |
 //! | [`check_in`] | the record of the tasks that have checked in since the last feed of the watchdog |
 //! | [`counter`] | the counters of the firmwares' telemetry |
+//! | [`flow`] | the check that the tasks of a cycle run in their order and none too early |
 //! | [`program`] | the check of the program in flash against the CRC from the build |
 //! | [`last_stop`] | the reason of the firmware's last stop, which a restart does not erase |
 //! | [`log_section`] | lets the idle loop write to the log without masking interrupts |
@@ -18,8 +20,10 @@
 #![cfg_attr(not(test), no_std)]
 #![deny(unsafe_code)]
 
+pub mod calls;
 pub mod check_in;
 pub mod counter;
+pub mod flow;
 pub mod last_stop;
 pub mod log_section;
 #[cfg(target_os = "none")]

@@ -1,8 +1,8 @@
 //! Access to memory by the linker's symbols: the program in flash, code in RAM, guard words, RAM in use.
 //!
-//! The addresses come from symbols of the linker script. Loads are instructions in assembly, not reads through a
-//! reference: on the nRF52840 flash begins at address 0, to which no Rust reference may point, and other tasks or a bit
-//! flip may change a word, which must not be undefined behaviour.
+//! The addresses come from symbols of the linker script. Loads are instructions in assembly, because Rust's references
+//! would not be allowed. On the nRF52840 flash begins at address 0, to which no reference may point. Also other tasks
+//! or a bit flip may change a word, which must not be undefined behaviour.
 #![allow(unsafe_code)]
 
 use core::{arch::asm, ops::Range};
@@ -70,7 +70,7 @@ pub(crate) fn exercise(address: u32) -> u32 {
             "cpsid i",
             "ldr {c0}, [{at}]",
             "ldr {c1}, [{at}, #4]",
-            // The first pass, upwards, reads the contents and writes the complement.
+            // The first pass over both words, upwards, reads the contents and writes the complement.
             "ldr {wrong}, [{at}]",
             "eors {wrong}, {c0}",
             "mvns {c0}, {c0}",
@@ -80,7 +80,7 @@ pub(crate) fn exercise(address: u32) -> u32 {
             "orrs {wrong}, {read}",
             "mvns {c1}, {c1}",
             "str {c1}, [{at}, #4]",
-            // The second pass, downwards, reads the complement and writes the contents.
+            // The second pass over both words, downwards, reads the complement and writes the contents.
             "ldr {read}, [{at}, #4]",
             "eors {read}, {c1}",
             "orrs {wrong}, {read}",

@@ -68,7 +68,8 @@ impl Region {
     /// The size of the smallest region that has subregions, bytes (B3.5.3).
     const SMALLEST_OF_EIGHTHS: u32 = 256;
 
-    /// Returns a region of `size` bytes from `base` on, all of them open. `name` describes the region in messages.
+    /// Returns a region of `size` bytes from `base` on, with all its bytes open. `name` describes the region in
+    /// messages.
     ///
     /// # Panics
     ///
@@ -80,7 +81,8 @@ impl Region {
         Self { name, base, size, shut: 0, memory, allowed }
     }
 
-    /// Returns the region with only these eighths open: `open[n]` is for the eighth from `base + n * size / 8` on.
+    /// Returns the region with only some of its eighths open: `open[n]` is for the eighth from `base + n * size / 8`
+    /// on.
     ///
     /// # Panics
     ///
@@ -110,9 +112,9 @@ impl Region {
         address.wrapping_sub(self.base) < self.size
     }
 
-    /// Whether `address` is in an open eighth of the region, so that the region decides about it.
+    /// Whether `address` is in an open eighth of the region, so that this region decides about the address.
     const fn has(&self, address: u32) -> bool {
-        // A region of less than 256 bytes has no eighths, so no bit of its `shut` is set.
+        // A region below 256 bytes has no eighths, so its `shut` is zero.
         self.spans(address) && (self.size < 8 || self.shut >> ((address - self.base) / (self.size / 8)) & 1 == 0)
     }
 
@@ -125,7 +127,7 @@ impl Region {
     /// Returns the value of MPU_RASR (B3.5.9), with the region enabled.
     #[cfg(any(test, target_os = "none"))]
     const fn rasr(&self) -> u32 {
-        // The access permission is the same for privileged and unprivileged code (table B3-15).
+        // AP gives privileged and unprivileged code the same permission (table B3-15).
         let permission = match self.allowed {
             Allowed::Nothing => 0b000,
             Allowed::ReadWrite => 0b001,
@@ -203,7 +205,7 @@ pub fn apply<const N: usize>(unit: &mut cortex_m::peripheral::MPU, table: &Table
     off();
     for number in 0..Table::<N>::MOST as u32 {
         let region = table.0.get(number as usize);
-        // A region that is off has no base; the bit VALID of RBAR selects it.
+        // For a region that is off, RBAR has no base. Its bit VALID selects the region.
         let (base, attributes) = region.map_or((1 << 4 | number, 0), |region| (region.rbar(number), region.rasr()));
         // SAFETY: the unit is off meanwhile. With the unit on, an access to what the table shuts faults, which is the
         // purpose. The tables are constants whose regions were checked when they were compiled.
@@ -239,7 +241,8 @@ mod tests {
 
     #[test]
     fn a_region_is_written_as_the_architecture_lays_its_registers_out() {
-        // SIZE is the exponent less one, AP 0b101 is read-only for privileged code, XN is bit 28.
+        // In RASR the field SIZE is the exponent less one, AP 0b101 means read-only for privileged code, and bit 28 is
+        // XN.
         assert_eq!(FLASH.rbar(0), 0x0800_0010);
         assert_eq!(FLASH.rasr(), 0x0502_0021);
         assert_eq!(RAM.rbar(2), 0x2000_0012);

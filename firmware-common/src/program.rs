@@ -8,12 +8,12 @@
 //! firmware verifies the CRC before its work starts. The program with its CRC is a codeword, so every burst of up to 32
 //! wrong bits is found, and other damage except in one case of 2^32.
 //!
-//! A program without a CRC from the build has 0xFFFFFFFF there and does not pass.
+//! If the build has written no CRC, its word is 0xFFFFFFFF, and the program does not pass.
 
 #[cfg(target_os = "none")]
 use crate::memory;
 
-/// The word for the program's CRC. It is defined here, so that every firmware that links this crate has it once.
+/// The word for the program's CRC. This crate defines it, so every firmware that links the crate has it once.
 #[cfg(target_os = "none")]
 #[allow(unsafe_code)] // The attribute names a section, which the compiler cannot check: it is that of `program_crc.x`.
 #[used]

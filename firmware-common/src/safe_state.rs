@@ -1,4 +1,4 @@
-//! The reaction of either board to a panic, a fault or an interrupt without a task.
+//! The reaction of any board to a panic, a fault or an interrupt without a task.
 //!
 //! Interrupts are masked, the board enters its own safe state (HORUS switches the field off, the DPR stops answering
 //! the flight controller), and the cause is recorded ([`last_stop`](crate::last_stop)) and logged once. No code feeds
@@ -28,7 +28,7 @@ mod imp {
         log_section, memory, mpu,
     };
 
-    /// Whether a cause has been logged or is being logged. A fault inside the logger must not be logged again.
+    /// Whether a cause has been logged or is being logged. A fault inside the logger must not call the logger again.
     static LOGGED: AtomicBool = AtomicBool::new(false);
 
     /// Enters the safe state by `enter`, then records and logs the stop that `stop` returns, and waits for the
@@ -57,7 +57,7 @@ mod imp {
 
     /// Returns the number of the most urgent active exception, or 0 for the start or the idle loop.
     ///
-    /// The number comes from the interrupt controller, since a stacked frame may be missing.
+    /// The number is read from the interrupt controller, since the stacked frame may be missing.
     #[must_use]
     pub fn active_exception() -> u16 {
         /// The number of words of interrupt bits: STM32F429 has the most interrupts, 91 (RM0090, "vector table").
@@ -76,7 +76,8 @@ mod imp {
         found.1
     }
 
-    /// Returns the stop of a fault whose frame the processor has stacked at `frame`, unless it could not.
+    /// Returns the stop of a fault. The processor has stacked the frame of the exception at `frame`, unless that
+    /// failed.
     #[must_use]
     pub fn fault(frame: u32) -> Stop {
         /// The offset of the link register in the frame, words (ARMv7-M ARM B1.5.6). The program counter comes next.
@@ -111,7 +112,7 @@ macro_rules! install_safe_state {
             $crate::safe_state::enter($enter, stop, |_| defmt::error!("{}", defmt::Display2Format(info)))
         }
 
-        /// The macros of `defmt` that call this, such as `defmt::panic!`, have already logged the reason.
+        /// The macros of `defmt` that call this function, such as `defmt::panic!`, have already logged the reason.
         #[defmt::panic_handler]
         fn defmt_panic() -> ! {
             let stop = || $crate::last_stop::Stop::of_panic("", 0, $crate::safe_state::active_exception());
@@ -129,7 +130,7 @@ macro_rules! install_safe_state {
             );
         }
 
-        // The four faults have one handler, which saves the frame's address and resets the stack pointer.
+        // One handler serves the four faults. It saves the frame's address and resets the stack pointer.
         core::arch::global_asm!(
             ".section .text.fault_entry, \"ax\", %progbits",
             ".global MemoryManagement",

@@ -10,8 +10,8 @@
 //! 1. The reset flags are read and cleared in the part.
 //! 2. The watchdog is started.
 //!
-//! Both parts collect their reset flags until the flags are cleared. In this order the flags of an earlier start are
-//! never still set when the watchdog resets the part. The flags that were read are kept in [`RESET_FLAGS`].
+//! Both parts collect their reset flags until the flags are cleared. Because they are cleared first, the flags of an
+//! earlier start are never still set when the watchdog resets the part. [`RESET_FLAGS`] keeps the flags that were read.
 //!
 //! No RAM except [`RESET_FLAGS`] is used before `__prepare_memory`, which is reached by a branch with the reset
 //! handler's return address still in the link register. It [tests](crate::start_test) the RAM. With the feature `hot`
@@ -25,7 +25,7 @@ use core::sync::atomic::{AtomicU32, Ordering};
 /// The distance from the address at which code in RAM is fetched to its data address (nRF52840 PS v1.7, 4.2).
 pub const DATA_ADDRESS: usize = 0x2000_0000 - 0x0080_0000;
 
-/// The part's reset flags, as the first instructions have read them before clearing them.
+/// The part's reset flags. The first instructions have read them before clearing them in the part.
 #[cfg_attr(target_os = "none", allow(unsafe_code))] // The attribute names a section, which the compiler cannot check.
 #[cfg_attr(target_os = "none", link_section = ".uninit.RESET_FLAGS")]
 pub static RESET_FLAGS: AtomicU32 = AtomicU32::new(0);
@@ -45,7 +45,7 @@ mod memory {
         ".type __prepare_memory, %function",
         ".thumb_func",
         "__prepare_memory:",
-        // No stack is used here, since it lies in the memory that is tested.
+        // The test changes the memory of the stack, so the stack is not used here.
         "mov r8, lr",
         "bl __test_memory",
         #[cfg(feature = "hot")]

@@ -48,9 +48,9 @@ static MEMORY_TEST: AtomicU32 = AtomicU32::new(0);
 /// The result of the memory test at this start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// Every word holds what is written to it.
+    /// Every word of the memory holds what is written to it.
     Sound,
-    /// A word in the 32 bytes from this address on does not hold what is written to it.
+    /// A word among the 32 bytes from this address on does not hold what is written to it.
     Faulty(u32),
     /// The test has left no result.
     NotTested,
@@ -60,7 +60,8 @@ impl Outcome {
     const fn of(result: u32) -> Self {
         match result ^ TESTED {
             0 => Self::Sound,
-            // Addresses of RAM begin with the digit 2; any other value did not come from the test.
+            // A faulty address lies in RAM, so it begins with the hexadecimal digit 2. Any other value did not come
+            // from the test.
             address if address >> 28 == 2 => Self::Faulty(address),
             _ => Self::NotTested,
         }
@@ -77,7 +78,8 @@ impl Outcome {
     }
 }
 
-/// Returns the outcome of this start's test once, so that a later start that ends before its test does not read it.
+/// Returns the result of this start's test once. A second call returns that no test was done, and so does a later start
+/// that ends before its test.
 pub fn take() -> Outcome {
     Outcome::of(MEMORY_TEST.swap(0, Ordering::Relaxed))
 }
@@ -147,7 +149,7 @@ mod test {
         "visit_down r3, r4",
         "mov r2, r1",
         "visit_down r4, r3",
-        // Each word is read once more, and written with the value that it already has.
+        // This visit reads each word once more, and writes the value that the word already has.
         "visit_up r3, r3",
         "3:",
         "bx lr",
@@ -180,7 +182,7 @@ mod test {
     );
     core::arch::global_asm!(
         ".section .text.__test_memory, \"ax\", %progbits",
-        // The registers r3 and r4 hold two words, which are tested upwards and downwards.
+        // Registers r3 and r4 hold the contents of two words, which are tested upwards and then downwards.
         "ldr r0, =__suninit",
         "ldr r1, =__ram_end",
         "4:",

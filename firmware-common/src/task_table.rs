@@ -13,7 +13,7 @@ use std::{format, string::String};
 ///
 /// # Panics
 ///
-/// Panics if a task does not check in by its own name or follows one of lower priority, so that the build fails.
+/// Panics, so that the build fails, if a task does not check in by its own name, or follows a task of lower priority.
 #[must_use]
 pub fn each_task(source: &str) -> String {
     let mut tasks = String::new();

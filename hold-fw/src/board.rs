@@ -37,7 +37,7 @@ use nrf52840_hal::{
 
 hold_fw::each_task!(firmware_common::task_vectors);
 
-/// The compare register of TIMER0 for delays of the front end's driver.
+/// The compare register of TIMER0 that ends the delays of the front end's driver.
 pub(crate) const WAIT_COMPARE: usize = 0;
 /// The compare register of TIMER1 for the beats ([`hold_fw::timing`]). A match also clears the timer.
 pub(crate) const BEAT_COMPARE: usize = 0;

@@ -26,13 +26,13 @@ use core::ops::RangeInclusive;
 pub const SET_POINTS: RangeInclusive<f32> = 2.0..=40.0;
 /// The set-point after power-on, °C.
 pub const DEFAULT_SET_POINT: f32 = 20.0;
-/// The range of the output. Heating is limited because the heater could heat the box faster than its contents bear.
+/// The range of the output. Full heating is not allowed, because it could heat the box faster than its contents bear.
 pub const OUTPUTS: RangeInclusive<f32> = -1.0..=0.8;
-/// The greatest change of the output in a cycle.
+/// The greatest change of the controller's output from one cycle to the next.
 pub const SLEW: f32 = 0.05;
-/// The temperatures of the box, °C, at which it may be heated and cooled: there is no heating above, no cooling below.
+/// The working temperatures of the box, °C. Above this range the box is not heated, below it the box is not cooled.
 pub const WORKING: RangeInclusive<f32> = 0.0..=45.0;
-/// The error below which there is no proportional part, K.
+/// The error of the temperature, K, below which the proportional part is 0.
 pub const DEAD_BAND: f32 = 0.1;
 
 /// The time between two steps of the control, s.
@@ -80,14 +80,14 @@ impl Climate {
         self.output
     }
 
-    /// Whether the output is held at 0 for safety.
+    /// Whether the control holds the output at 0 for safety.
     #[must_use]
     pub const fn is_safe(&self) -> bool {
         self.safe
     }
 
-    /// Does one step of the control and returns the output. `temperature` is in °C, `None` without a valid measurement.
-    /// Where `allowed` is false, the output is 0.
+    /// Does one step of the control, and returns the output. `temperature` is in °C, `None` without a valid
+    /// measurement. If `allowed` is false, the output is 0.
     pub fn step(&mut self, temperature: Option<f32>, allowed: bool) -> f32 {
         let Some(temperature) = temperature.filter(|celsius| allowed && celsius.is_finite()) else {
             *self = Self::new(self.set_point);
@@ -103,12 +103,12 @@ impl Climate {
         };
         let integral = self.integral + INTEGRAL * error * STEP_S;
         let wanted = proportional + integral;
-        // At a limit, the integral changes only in the direction that leads away from the limit.
+        // While the output is at a limit, the integral may only change towards the other side.
         if may(wanted) == wanted || (wanted > 0.0) == (integral < self.integral) {
             self.integral = integral;
         }
         let slewed = bound(may(proportional + self.integral), self.output - SLEW, self.output + SLEW);
-        // Heating or cooling that is no longer allowed ends at once, whatever the slew limit says.
+        // The slew limit does not delay the end of heating or cooling that is no longer allowed.
         self.output = may(slewed);
         self.output
     }
@@ -134,7 +134,7 @@ impl Duty {
         Self { heater: bound(output, 0.0, 1.0), cooler: bound(-output, 0.0, 1.0) }
     }
 
-    /// Returns for how many counts of a PWM period of `top` counts heater and cooler are on.
+    /// Returns for how many of the `top` counts of a PWM period the heater and the cooler are on.
     #[must_use]
     pub fn counts(self, top: u16) -> [u16; 2] {
         [self.heater, self.cooler].map(|duty| (duty * f32::from(top)) as u16)
@@ -146,7 +146,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// An ordinary temperature, any number, NaN or `None`, each equally often.
+    /// Draws an ordinary temperature, any number, NaN or `None`, each equally often.
     fn any_celsius() -> impl Strategy<Value = Option<f32>> {
         prop_oneof![
             (-60.0_f32..130.0).prop_map(Some),
@@ -211,12 +211,13 @@ mod tests {
     #[test]
     fn a_set_point_that_was_out_of_reach_leaves_no_windup() {
         let mut climate = Climate::new(40.0);
-        // In air of -20 °C the heater's limit of 80 W can bring the box to -4 °C at most.
+        // At the limit of 80 W the heater can bring the box to -4 °C at most, in air of -20 °C.
         let record = flown(&mut climate, -10.0, -20.0, 7_200);
         assert_eq!(climate.output(), 0.8);
         let end = record[record.len() - 1];
         assert!(climate.set(2.0));
-        // In warm air the output must leave its limit within a minute.
+        // In warmer air the output must leave its limit within a minute, although the integral had long been at its
+        // end.
         let _ = flown(&mut climate, end.max(8.0), 20.0, 60);
         assert!(climate.output() < 0.0, "{}", climate.output());
     }

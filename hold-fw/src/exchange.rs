@@ -1,4 +1,4 @@
-//! Drives the front end: sends one frame in each cycle and takes the DPR's answer to it.
+//! Drives the front end: in each cycle sends one frame and takes the DPR's answer.
 //!
 //! # Design
 //!
@@ -31,7 +31,7 @@ impl Ticket {
     /// Returns the ticket for the frame of cycle `tick`.
     #[must_use]
     pub const fn new(tick: u32) -> Self {
-        // Bit 31 makes the word different from 0, which means that there is no ticket.
+        // Bit 31 is set, because the word 0 means that there is no ticket.
         Self(tick | 1 << 31)
     }
 
@@ -41,8 +41,9 @@ impl Ticket {
         self.0
     }
 
-    /// Whether `word` is the ticket for the frame that is sent in beat `beat`. That is the first beat of its cycle: the
-    /// timer raises the slot's interrupt after every beat, and in a later beat the frame would come late.
+    /// Whether `word` is the ticket for the frame that is sent in beat `beat`. A frame is sent only in the first beat
+    /// of its cycle. The timer raises the slot's interrupt after every beat, and in a later beat the frame would come
+    /// late.
     #[must_use]
     pub const fn is_due(word: u32, beat: u32) -> bool {
         word == Self::new(beat / BEATS).0 && beat.is_multiple_of(BEATS)
@@ -61,14 +62,14 @@ pub trait FrontEndPort: executor::Port {
     fn answer(&self, len: usize) -> &[u8];
 }
 
-/// What the state machine waits for.
+/// The event for which the link's state machine waits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Turn {
-    /// The end of a transfer or of a delay, which the executor handles.
+    /// A transfer or a delay has to end, which the executor handles.
     Executor,
-    /// A call of [`Link::offer`]: the chip is prepared, and there is no frame to send.
+    /// [`Link::offer`] has to be called: the chip is prepared, and there is no frame to send.
     Cycle,
-    /// The slot's interrupt: the head of a frame is loaded, or the transmit command is on the SPI.
+    /// The slot's interrupt has to come: a frame's head is loaded, or the transmit command is on the SPI.
     Slot,
 }
 
@@ -77,7 +78,7 @@ pub struct Link<'a, P> {
     executor: Executor<Exchange, P>,
     telemetry: &'a Telemetry,
     turn: Turn,
-    /// The cycle of the last deposited frame; `is_due` says whether that frame is still to be loaded.
+    /// The cycle of the last frame that was deposited. `is_due` says whether that frame still has to be loaded.
     tick: u32,
     is_due: bool,
     faulty: bool,
@@ -106,7 +107,7 @@ impl<'a, P: FrontEndPort> Link<'a, P> {
     /// frame is loaded once the chip is prepared, and it is sent if its load ends before the slot.
     pub fn offer(&mut self, tick: u32, status: &HoldStatus) {
         if self.turn == Turn::Slot && !self.executor.port().disarm() {
-            // The transmit command of the cycle before has still not ended, so its transfer is aborted.
+            // The transmit command of the previous cycle has still not ended, so its transfer is aborted.
             self.executor.port().abort();
             self.go_on(|exchange| exchange.step(Input::Failed));
         }
@@ -119,7 +120,7 @@ impl<'a, P: FrontEndPort> Link<'a, P> {
         self.executor.port().deposit(status.as_bytes());
         (self.tick, self.is_due) = (tick, true);
         if self.turn != Turn::Executor {
-            // This step drops a frame of the cycle before that has missed its slot.
+            // A frame of the previous cycle has missed its slot. This step drops it.
             self.go_on(|exchange| exchange.step(Input::Start));
         }
     }
@@ -141,12 +142,12 @@ impl<'a, P: FrontEndPort> Link<'a, P> {
         self.answer.take()
     }
 
-    /// Returns the last fault of the front end since the last call, if any.
+    /// Returns the last fault of the front end that was not returned before, if any.
     pub fn take_fault(&mut self) -> Option<Fault> {
         self.fault.take()
     }
 
-    /// Returns the port.
+    /// Returns the port of the link.
     pub fn port(&mut self) -> &mut P {
         self.executor.port()
     }
@@ -158,7 +159,7 @@ impl<'a, P: FrontEndPort> Link<'a, P> {
         self.serve(event);
     }
 
-    /// Prepares the chip for the next frame. If the state machine refuses, a failure is reported to it, from which it
+    /// Prepares the chip for the next frame. If the state machine refuses, it is given a failure, from which it
     /// recovers.
     fn prepare(&mut self) -> Option<ExchangeEvent> {
         let length = HoldObject::SIZE;
@@ -190,7 +191,7 @@ impl<'a, P: FrontEndPort> Link<'a, P> {
                 ExchangeEvent::Answer { len, .. } => {
                     self.telemetry.frames_sent.add(1);
                     self.telemetry.answers.add(1);
-                    // An answer with error flags is taken as well: each uplink in it has a CRC of its own.
+                    // An answer with error flags is accepted too, because each uplink in it has a CRC of its own.
                     match Answer::read(self.executor.port().answer(len)) {
                         Ok(answer) => self.answer = Some(*answer),
                         Err(_) => self.telemetry.answers_foreign.add(1),

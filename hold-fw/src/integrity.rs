@@ -7,8 +7,8 @@
 //! | a RAM word does not hold what is written to it, also at the start | the output is off, *memory fault* as well |
 //! | a guard word has changed | safe state, [`Cause::GuardWord`] |
 //!
-//! After the first two findings the hold goes on until its next start, with its output off, so that it can report the
-//! fault. A program that is found changed at the start is not run.
+//! After either of the first two findings the hold goes on until its next start, with its output off, so that it can
+//! report the fault. A program that is found changed at the start is not run.
 
 use firmware_common::{
     last_stop::Cause,
@@ -37,13 +37,13 @@ const _: () = assert!(FLASH_DETECT_US <= 5_200_000 && RAM_DETECT_US <= 5_200_000
 pub enum Consequence {
     /// No fault was found.
     None,
-    /// The hold goes on with its output off.
+    /// The hold goes on, but with its output off.
     MemoryFault,
-    /// The hold stops for this cause; the second value is the detail that is logged with it.
+    /// The hold stops for this cause. The second value is the detail that is logged with the cause.
     Stop(Cause, u32),
 }
 
-/// Counts the faults that a slice has found, and returns their consequence.
+/// Counts the faults that a slice has found, and returns what the hold does about them.
 pub fn judge(slice: &Slice, telemetry: &Telemetry) -> Consequence {
     let changed = slice.flash.is_some_and(|flash| !flash.is_intact());
     telemetry.flash_passes.add(u32::from(slice.flash.is_some()));

@@ -19,7 +19,7 @@ pub const WORDS: usize = 6;
 /// The memory of both records.
 pub type Memory = [[AtomicU32; WORDS]; 2];
 
-/// What a record keeps.
+/// The values that a record keeps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Kept {
     /// Whether the hold is locked.
@@ -37,11 +37,11 @@ impl Default for Kept {
     }
 }
 
-/// Writes the records.
+/// Writes the records that outlive a reset.
 #[derive(Debug)]
 pub struct Keeper {
     memory: &'static Memory,
-    /// The number of the newest record; the lowest bit of the number is the record's index.
+    /// The number of the newest record. Its lowest bit is the index of the record in memory.
     number: u32,
 }
 

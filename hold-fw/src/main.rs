@@ -53,7 +53,8 @@ mod app {
     use defmt_rtt as _;
     use firmware_common::{
         check_in::CheckIn,
-        last_stop::{self, Stop},
+        flow::Flow,
+        last_stop::{self, Cause, Stop},
         memory, mpu,
         patrol::{self, ram::APART, Pace, PartMemory, Patrol},
         safe_state, start_test,
@@ -64,7 +65,7 @@ mod app {
         protection,
         sensors::{Readings, Sensors},
         state::Hold,
-        task::Task,
+        task::{Step, Task},
     };
     use nrf52840_hal::wdt::{handles::Hdl0, WatchdogHandle};
 
@@ -75,6 +76,8 @@ mod app {
     };
 
     static CHECK_IN: CheckIn<Task> = CheckIn::new();
+
+    static FLOW: Flow<Step> = Flow::new();
 
     static MEMORY_FAULT: AtomicBool = AtomicBool::new(false);
 
@@ -162,7 +165,7 @@ mod app {
         let mut last_us = hw::now_us();
         let mut pace = Pace::new(last_us);
         loop {
-            // After most interrupts there is nothing to do; then the loop only asks `pace`.
+            // After most interrupts there is nothing to do, and the idle loop only asks `pace`.
             let due = pace.due(hw::now_us());
             if due == 0 {
                 cortex_m::asm::wfi();
@@ -179,8 +182,7 @@ mod app {
                     Consequence::None => {}
                     Consequence::MemoryFault => MEMORY_FAULT.store(true, Ordering::Relaxed),
                     Consequence::Stop(cause, detail) => {
-                        let stop = Stop::new(cause, 0, detail);
-                        safe_state::enter(hw::safe_state, || stop, |stop| hw::log_stop("memory", stop));
+                        stop("memory", Stop::new(cause, 0, detail));
                     }
                 }
             }
@@ -204,17 +206,42 @@ mod app {
         }
     }
 
+    /// Records that a step of the cycle begins. If it is not its turn, the hold stops. A debugger that halts the
+    /// processor delays steps, so the order counts only where the watchdog runs on.
+    #[inline(always)]
+    fn begin(step: Step) {
+        if !FLOW.begin(step, hw::now_us) && !cfg!(feature = "debugger-stops-watchdog") {
+            stop_out_of_order(step);
+        }
+    }
+
+    fn stop_out_of_order(step: Step) -> ! {
+        stop("flow", Stop::new(Cause::Flow, safe_state::active_exception(), step as u32))
+    }
+
+    /// Stops the hold because of `stop`, which the check of `what` has found.
+    #[cold]
+    #[inline(never)]
+    fn stop(what: &'static str, stop: Stop) -> ! {
+        safe_state::enter(hw::safe_state, || stop, |stop| hw::log_stop(what, stop))
+    }
+
     /// Runs at each beat and in the slot. In the slot it sends the loaded frame; at a beat it calls the other tasks.
     #[task(binds = TIMER1, priority = 4, local = [beats])]
     fn slot(cx: slot::Context) {
-        if let Beat::Began { is_tick } = cx.local.beats.interrupt() {
-            if is_tick {
-                TELEMETRY.cycles.add(1);
+        match cx.local.beats.interrupt() {
+            Beat::Slot => begin(Step::Slot),
+            Beat::Began { is_tick } => {
+                begin(Step::Beat);
+                if is_tick {
+                    TELEMETRY.cycles.add(1);
+                }
+                // A task that has no work at this beat only checks in.
+                for task in [Task::rf_spi, Task::rf_irq, Task::rf_timer, Task::cycle, Task::answer, Task::sensors] {
+                    board::call(task);
+                }
             }
-            // A task that has no work at this beat only checks in.
-            for task in [Task::rf_spi, Task::rf_irq, Task::rf_timer, Task::cycle, Task::answer, Task::sensors] {
-                board::call(task);
-            }
+            Beat::Nothing => stop_out_of_order(Step::Slot),
         }
         CHECK_IN.check_in(Task::slot);
     }
@@ -251,6 +278,7 @@ mod app {
         shared = [hold, link, readings])]
     fn cycle(mut cx: cycle::Context) {
         let begun = DWT::cycle_count();
+        begin(Step::Cycle);
         let tick = tick();
         if cx.local.done.replace(tick) != Some(tick) {
             if MEMORY_FAULT.load(Ordering::Relaxed) {

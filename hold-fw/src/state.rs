@@ -21,7 +21,7 @@ const MOST_HUMIDITY: f32 = 90.0;
 const MOST_VIBRATION: f32 = 20.0;
 const MOST_SHOCK: f32 = 60.0;
 
-/// What heater, cooler and lock must do.
+/// The states that heater, cooler and lock must take.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outputs {
     /// The output of the control: 1 is the full power of the heater, -1 that of the cooler.
@@ -43,8 +43,8 @@ pub struct Hold {
 }
 
 impl Hold {
-    /// Returns the state after a reset for `reason`. The pair has the memory's keeper and the record that outlived the
-    /// reset.
+    /// Returns the state of the hold after a reset for `reason`. The second argument has the keeper of the records, and
+    /// the record that outlived the reset.
     #[must_use]
     pub fn new(reason: ResetReason, (keeper, kept): (Keeper, Option<Kept>)) -> Self {
         let kept = kept.unwrap_or_default();
@@ -59,13 +59,13 @@ impl Hold {
         }
     }
 
-    /// Records a fault of the memory. From then on the output is 0.
+    /// Records a fault of the memory. After that the output stays 0.
     pub fn found_memory_fault(&mut self) {
         self.memory_fault = true;
     }
 
-    /// Executes the commands in `answer` that are due, in cycle `tick`. The effect of a command and its acknowledgement
-    /// are kept in one write.
+    /// Executes the commands in `answer` that are due, in cycle `tick`. One write keeps the effect of a command
+    /// together with its acknowledgement.
     pub fn command(&mut self, answer: &Answer, tick: u32, telemetry: &Telemetry) {
         let Self { kept, climate, commands, greatest_shock, .. } = self;
         let now_ms = u64::from(tick) * u64::from(profile::hold::PERIOD_MS);
@@ -111,7 +111,7 @@ impl Hold {
         let [temperature, humidity] = climate.unwrap_or([ABSENT_F32; 2]);
         let vibration_or_nan = vibration.unwrap_or([ABSENT_F32; 3]);
         let (shock, volts) = (self.greatest_shock.unwrap_or(ABSENT_F32), supply.unwrap_or(ABSENT_F32));
-        // A missing value is NaN, and no comparison with NaN is true, so it counts as out of its limits.
+        // A missing value is NaN. Every comparison with NaN is false, so a missing value counts as outside its limits.
         let within = WORKING.contains(&temperature)
             & (humidity <= MOST_HUMIDITY)
             & vibration_or_nan.iter().all(|axis| *axis <= MOST_VIBRATION)

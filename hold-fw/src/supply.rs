@@ -5,20 +5,21 @@
 
 use core::ops::Range;
 
-/// The full scale, V, and the number of steps in it.
+/// The full scale of the SAADC, V, and the number of steps in it.
 const FULL_SCALE: f32 = 3.6;
 const STEPS: i16 = 4_096;
 
-/// The limits of the supply, V: the lower one is above the voltage at which the hold stops. The upper one, which lies
-/// outside, is the highest that the nRF52840 bears (PS v1.7, 5.3.1).
+/// The limits of the supply, V. The lower limit is above the voltage at which the hold stops. The upper limit, which
+/// itself lies outside, is the highest that the nRF52840 bears (PS v1.7, 5.3.1).
 pub const LIMITS: Range<f32> = 2.9..FULL_SCALE;
 
-/// The lowest result that is not an error of the measurement, V: the hold stops below 2.57 V.
+/// The lowest result that is believed, V: the hold stops below 2.57 V, so a lower result is an error of the
+/// measurement.
 const LOWEST: f32 = 2.5;
 
 /// Returns the supply voltage, V, of a conversion's result; `None` if the result is too low to be right.
 ///
-/// The greatest count stands for its own voltage and all higher ones, so it counts as the full scale, which is outside
+/// The greatest count stands for its own voltage and for all higher ones. It counts as the full scale, which is outside
 /// of [`LIMITS`].
 #[must_use]
 pub fn volts(count: i16) -> Option<f32> {

@@ -3,6 +3,41 @@
 //! Each beat of the timer (every 25 ms) calls every task, and a task without work checks in as well. So no task depends
 //! on an event from outside.
 
+use firmware_common::flow::{self, Rule};
+
+use crate::timing::{BEAT_MS, SLOT_US};
+
 include!(concat!(env!("OUT_DIR"), "/each_task.rs"));
 
 each_task!(firmware_common::task_table);
+
+/// A step of the hold's cycle, whose order and times the firmware checks ([`firmware_common::flow`]).
+///
+/// The slot comes first, since the timer starts at 0 and so meets it before the first beat. Any other task is called at
+/// each beat as well, but the front end and the bus of the sensors decide how often, or how long, it runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// The slot, [`SLOT_US`] after each beat; in the first of a cycle the frame is sent.
+    Slot,
+    /// The beat.
+    Beat,
+    /// The task `cycle`, which each beat calls.
+    Cycle,
+}
+
+impl flow::Step for Step {
+    const TABLE: &'static [Rule] = &[
+        Rule { after: &[Self::Beat as usize], time: Some(SLOT_US) },
+        Rule { after: &[Self::Slot as usize, Self::Cycle as usize], time: Some(1_000 * BEAT_MS - SLOT_US) },
+        Rule { after: &[Self::Beat as usize], time: None },
+    ];
+    /// The timer of the beats and the µs counter have one clock. Each shows a µs that has begun.
+    const EARLY: u32 = 2;
+    /// No other interrupt has the priority of the timer's, and no lock masks it.
+    const LATE: u32 = 20;
+
+    #[inline(always)]
+    fn index(self) -> usize {
+        self as usize
+    }
+}

@@ -15,7 +15,7 @@ firmware_common::counters! {
         silences,
         /// Answers that began but were not delivered: too late, too long, too short or without an end.
         answers_dropped,
-        /// Answers whose length is not that of the DPR's answers.
+        /// Answers of another length than the DPR's answers have.
         answers_foreign,
         /// Commands that were executed.
         commands_done,
@@ -49,8 +49,8 @@ firmware_common::counters! {
         flash_faults,
         /// Complete passes of the patrol over the RAM in use.
         ram_passes,
-        /// How often a word of the RAM in use did not hold what was written to it; the test at the start counts as
-        /// well.
+        /// How often a word of the RAM in use did not hold the value that was written to it. The test at the start
+        /// counts as well.
         ram_errors,
         /// The longest time from the start of the task `cycle` to the sealed Hold-Status, processor cycles.
         fill_worst_cycles,

@@ -29,7 +29,7 @@ pub const SLOT_US: u32 = 500;
 
 const _: () = {
     assert!(BEATS * BEAT_MS == hold::PERIOD_MS);
-    // The exchange ends before the next beat, which calls the task `sensors`.
+    // An exchange ends before the next beat, which calls the task `sensors`.
     assert!(SLOT_US as u64 * 1_000 + hold::EXCHANGE_NS < BEAT_MS as u64 * 1_000_000);
 };
 

@@ -17,15 +17,16 @@ const SECOND: u32 = BEATS * CYCLES_PER_SECOND;
 /// The number of samples in a beat of 25 ms at 400 Hz.
 const PER_BEAT: usize = 10;
 
-/// Both sensors, as far as the driver uses them: the accelerometer's registers and FIFO, the climate sensor's result.
+/// The model of both sensors, as far as the driver uses them: the accelerometer's registers and FIFO, the climate
+/// sensor's result.
 #[derive(Default)]
 struct Board {
     registers: Vec<u8>,
     fifo: Vec<[u8; 6]>,
-    /// The sample that the accelerometer takes at present, left-aligned.
+    /// The sample that the model of the accelerometer takes at present, left-aligned.
     sample: [i16; 3],
     measured: [u16; 2],
-    /// Whether a measurement is ready to be read.
+    /// Whether the climate sensor has a measurement ready.
     measuring: bool,
     /// The numbers of the transfers that the bus refuses.
     refuses: std::ops::Range<u32>,
@@ -40,7 +41,7 @@ impl Board {
     fn new() -> Self {
         let mut registers = vec![0; 0x40];
         (registers[0x0F], registers[0x20]) = (0x33, 0x07);
-        // 25 °C and 50 %.
+        // The result means 25 °C and 50 %.
         let measured = [26_214, 29_360];
         Self { registers, sample: [0, 0, 62 << 6], measured, ..Self::default() }
     }
@@ -154,7 +155,7 @@ impl World {
         self.readings
     }
 
-    /// Returns a world after two seconds, when all values are known.
+    /// Returns a world in which two seconds have passed, so that all values are known.
     fn working() -> Self {
         let mut world = Self::new();
         let readings = world.beats(2 * SECOND);
@@ -207,7 +208,7 @@ fn a_temperature_stands_for_three_seconds_and_then_is_unknown() {
     let mut world = World::working();
     world.board.borrow_mut().damage = [0x40, 0, 0, 0, 0, 0];
     let known = (0..5 * SECOND).take_while(|_| world.beats(1).climate.is_some()).count() as u32;
-    // The last good measurement was in beat 42, and 80 beats had passed when the damage began.
+    // The last good measurement was in beat 42, and the damage began 80 beats after the start.
     assert_eq!(known + 2 * SECOND - (SECOND + 2) - 1, CLIMATE_VALID_BEATS);
     assert!(world.readings.fault && world.telemetry.climate_faults.get() >= 2);
     world.board.borrow_mut().damage = [0; 6];
@@ -298,7 +299,7 @@ proptest! {
                 let before = world.board.borrow().transfers;
                 let readings = world.beats(1);
                 let board = world.board.borrow();
-                // The first failed transfer must end the work of a beat.
+                // In each beat the first failed transfer must end the work.
                 let failed = (before + 1..=board.transfers).filter(|number| board.refuses.contains(number)).count();
                 prop_assert!(failed <= 1);
                 prop_assert!(failed == 0 || readings.fault);

@@ -95,7 +95,7 @@ fn a_supply_at_the_end_of_its_scale_is_outside_the_limits() {
         hold().cycle(0, &mut READINGS.clone(), Some(volts)).0.status().within_limits()
     };
     assert!(within(3_300) && within(4_094));
-    // The SAADC counts to 4095 and no further, whatever the supply is.
+    // The SAADC does not count beyond 4095, however high the supply is.
     assert!(!within(4_095) && !within(3_299));
     assert_eq!(supply::volts(4_095), Some(3.6));
     assert_eq!([2_844, 0, -1].map(supply::volts), [None; 3]);
@@ -117,7 +117,7 @@ fn a_memory_fault_switches_the_output_off_for_good() {
     }
 }
 
-/// A base station whose uplinks reach the hold in each cycle.
+/// A hold, and a base station whose uplinks reach it in each cycle.
 struct Link {
     hold: Hold,
     memory: &'static Memory,

@@ -17,8 +17,9 @@
 //!
 //! # To add or move a receiver
 //!
-//! Change its row in [`RECEIVER_PORTS`]. RTIC binds vectors by name, so the tasks of the receiver in `main.rs` must
-//! have the row's vectors; a vector that is in no row does not compile. No other file names a receiver's hardware.
+//! To add or move a receiver, change its row in [`RECEIVER_PORTS`]. RTIC binds vectors by name, so the receiver's tasks
+//! in `main.rs` must have the row's vectors; a vector that is in no row does not compile. No other file names a
+//! receiver's hardware.
 //!
 //! A new kind of interface needs a variant of [`Hardware`], and a type in `hw/` that implements
 //! `horus_tx_fw::source::Source`; `hw/gnss.rs` dispatches to these types.
@@ -38,7 +39,7 @@ use stm32f4xx_hal::{
 
 horus_tx_fw::each_task!(firmware_common::task_vectors);
 
-/// Calls every task that otherwise only hardware calls, so that it checks in.
+/// Calls every task that otherwise only hardware calls. The watchdog is fed only when these tasks have checked in too.
 pub(crate) fn ask_for_signs_of_life() {
     Task::ALL.into_iter().filter(|task| task.calls_for_sign_of_life()).for_each(call);
 }
@@ -98,7 +99,7 @@ pub(crate) struct InputPair {
     pub(crate) inactive: Pin,
 }
 
-/// The inputs of HORUS's state: relay (D56, D57), motor cut (D58, D59), emergency measure (D55, D54).
+/// The input pairs that tell HORUS's state: relay (D56, D57), motor cut (D58, D59), emergency measure (D55, D54).
 pub(crate) const STATE_INPUTS: [InputPair; INPUTS] = [
     InputPair { active: Pin { port: GpioPort::E, number: 2 }, inactive: Pin { port: GpioPort::E, number: 4 } },
     InputPair { active: Pin { port: GpioPort::E, number: 5 }, inactive: Pin { port: GpioPort::E, number: 6 } },
@@ -128,7 +129,7 @@ pub(crate) struct Timer {
 }
 
 pub(crate) struct UartPort {
-    /// The UART's registers. A USART begins with the same registers.
+    /// The registers of a UART. Those of a USART begin in the same way.
     pub(crate) registers: fn() -> *const uart4::RegisterBlock,
     pub(crate) enable: fn(&mut pac::RCC),
     /// The frequency of the bus that the UART is on, Hz, from which its baud rate is derived.
@@ -136,9 +137,9 @@ pub(crate) struct UartPort {
     pub(crate) rx: AlternatePin,
     pub(crate) tx: AlternatePin,
     pub(crate) stream: Stream,
-    /// The UART's vector: the line is idle, an error, or a sent byte.
+    /// The interrupt vector of the UART. It is raised by an idle line, an error, or a sent byte.
     pub(crate) uart_vector: Interrupt,
-    /// The DMA stream's vector: half a ring is full.
+    /// The interrupt vector of the DMA stream. It is raised when half a ring is full.
     pub(crate) stream_vector: Interrupt,
 }
 
@@ -150,9 +151,9 @@ pub(crate) struct DdcPort {
     pub(crate) bus_hz: u32,
     pub(crate) scl: AlternatePin,
     pub(crate) sda: AlternatePin,
-    /// The DMA stream of the bytes that come in. The processor itself writes the bytes that go out.
+    /// The DMA stream of the bytes that come in. The processor writes the outgoing bytes itself.
     pub(crate) stream: Stream,
-    /// Times the levels of SCL while a stuck I2C bus is recovered.
+    /// The timer that times the levels of SCL while a stuck I2C bus is recovered.
     pub(crate) timer: Timer,
     pub(crate) event_vector: Interrupt,
     pub(crate) error_vector: Interrupt,
@@ -276,7 +277,7 @@ impl Hardware {
         }
     }
 
-    /// Returns what `vector` means to this receiver; `None` if it is no vector of this receiver.
+    /// Returns which part of this receiver's hardware raises `vector`; `None` if `vector` belongs to another receiver.
     const fn meaning_of(&self, vector: Interrupt) -> Option<Vector> {
         const fn is(vector: Interrupt, other: Interrupt) -> bool {
             vector as u16 == other as u16
@@ -300,7 +301,7 @@ impl Hardware {
         }
     }
 
-    /// Returns the two DMA streams of this receiver; if it has only one, that stream twice.
+    /// Returns the two DMA streams of this receiver. A receiver with a single stream has it twice in the result.
     const fn streams(&self) -> [Stream; 2] {
         match self {
             Self::Uart(port) => [port.stream, port.stream],
@@ -310,7 +311,8 @@ impl Hardware {
     }
 }
 
-/// Returns the receiver, from 0, of the vector of `task`, and the vector's meaning. For compile time only.
+/// Returns the number of the receiver, from 0, to which the vector of `task` belongs, and what raises that vector. For
+/// compile time only.
 ///
 /// # Panics
 ///
@@ -340,7 +342,8 @@ const fn meet(one: [Stream; 2], other: [Stream; 2]) -> bool {
     is_same(one[0], other[0]) || is_same(one[0], other[1]) || is_same(one[1], other[0]) || is_same(one[1], other[1])
 }
 
-// Each of I2C and SPI has one static buffer, in `hw/ddc.rs` and `hw/spi.rs`, and so serves one receiver at most.
+// A receiver on I2C or SPI uses the one static buffer of `hw/ddc.rs` or `hw/spi.rs`, so each kind serves one receiver
+// at most.
 const _: () = {
     let (mut ddc, mut spi) = (0, 0);
     let mut receiver = 0;

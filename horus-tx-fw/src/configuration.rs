@@ -19,8 +19,8 @@
 //! banks by 45° accelerates by 1 g, by 60° by 1.7 g. So HORUS takes the model of less than 2 g, which is also PX4's
 //! default. The model has a message of its own, since a receiver that refuses one key refuses the whole message.
 //!
-//! The settings go into the receiver's RAM, so a receiver that was without supply has lost them. After silence of the
-//! receiver HORUS repeats the messages until one is answered.
+//! The settings go into the receiver's RAM, which loses them without a supply. After a receiver was silent, HORUS
+//! therefore repeats the messages until one is answered.
 //!
 //! **UART.** A receiver with factory settings uses 38 400 baud. If no intact UBX message has come for [`LISTEN_MS`]
 //! after the first message at the usual rate, HORUS sets the receiver's baud rate by a message at the factory's rate,
@@ -61,14 +61,16 @@ use crate::{
 pub const ANSWER_MS: u32 = 1_000;
 /// How often a configuration message is sent to a receiver that talks but does not answer.
 pub const ATTEMPTS: u8 = 3;
-/// How long no intact message comes on a UART before HORUS tries the factory's rate, ms. It is longer than any period
-/// that HORUS requests, and than a receiver takes to answer while it computes.
+/// How long HORUS waits for an intact message on a UART before it tries the factory's rate, ms. It is longer than any
+/// period that HORUS requests, and than a receiver takes to answer while it computes.
 pub const LISTEN_MS: u32 = 500;
-/// The pause after the message that sets the baud rate, ms: it takes 5.2 ms, and the receiver has to change rate.
+/// The pause after the message that sets the baud rate, ms. Sending the message takes 5.2 ms, and then the receiver
+/// changes its rate.
 pub const BAUD_MS: u32 = 200;
-/// The time after which a configured receiver counts as silent, ms: more than two of the longest requested period.
+/// The time after which a configured receiver counts as silent, ms. It is longer than two of the longest requested
+/// period.
 pub const SILENT_MS: u32 = 500;
-/// The time after which an unconfigured receiver counts as silent, ms: longer than the longest accepted period.
+/// The time after which an unconfigured receiver counts as silent, ms. It is longer than the longest accepted period.
 pub const SILENT_AS_IT_IS_MS: u32 = 1_500;
 
 /// The dynamic model that HORUS sets in a receiver: airborne with less than 2 g.
@@ -89,7 +91,7 @@ pub enum Interface {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Standing {
-    /// No intact message came since the receiver was last silent, or the answer to the basic message is awaited.
+    /// There was no intact message since the receiver was last silent, or HORUS awaits the answer to the basic message.
     #[default]
     NotYet = 0,
     /// The receiver has acknowledged the basic message, and has not refused the dynamic model.
@@ -98,7 +100,7 @@ pub enum Standing {
     Refused = 2,
     /// The receiver talks but did not answer, and is used as it is.
     Unanswered = 3,
-    /// The receiver has acknowledged the basic message, but keeps its own dynamic model.
+    /// The receiver has acknowledged the basic message, but has refused the dynamic model and keeps its former one.
     OtherModel = 4,
 }
 
@@ -150,7 +152,8 @@ mod key {
         out_ubx(interface) + 1
     }
 
-    /// Returns a key of CFG-MSGOUT for an interface, given the key for I2C. The order is I2C, UART1, UART2, USB, SPI.
+    /// Returns a key of CFG-MSGOUT for an interface, given the key for I2C. The keys follow each other in the order
+    /// I2C, UART1, UART2, USB, SPI.
     const fn msgout(i2c: u32, interface: Interface) -> u32 {
         match interface {
             Interface::Ddc => i2c,
@@ -181,7 +184,8 @@ fn valset(items: &[(u32, u32)], rate: Rate) -> Message {
         }
         len += some.len();
     };
-    // The length is written once it is known. After it come version 0, the layers and two reserved bytes.
+    // Two zero bytes stand for the message's length, which is filled in below. Then come version 0, the layers and two
+    // reserved bytes.
     put(&[0xB5, 0x62, VALSET.0, VALSET.1, 0, 0, 0, RAM, 0, 0]);
     for (key, value) in items {
         put(&key.to_le_bytes());
@@ -193,7 +197,6 @@ fn valset(items: &[(u32, u32)], rate: Rate) -> Message {
         put(&value.to_le_bytes()[..size]);
     }
     let end = len.min(MESSAGE - 2);
-    // The payload ends before the checksum. A message is shorter than 256 bytes, so the length fits one byte.
     bytes[4] = (end - 6) as u8;
     let (mut a, mut b) = (0_u8, 0_u8);
     for byte in &bytes[2..end] {
@@ -227,7 +230,7 @@ pub struct Configuration {
     interface: Interface,
     period_ms: u16,
     state: State,
-    /// The number of this step's messages in a row that were not answered.
+    /// The number of messages in a row that the receiver has left without an answer.
     unanswered: u8,
     standing: Standing,
     messages: u32,
@@ -255,14 +258,16 @@ impl Configuration {
         self.standing
     }
 
-    /// Returns the message to send to the receiver now, if any. To be called every cycle, at `now` (ms, wraps), with
-    /// the number of intact UBX messages that the receiver has sent (wraps) and its answer since the last call.
+    /// Returns the configuration message to send to the receiver now, if any. To be called every cycle, at `now` (ms,
+    /// wraps). The arguments are also the number of intact UBX messages that the receiver has sent (wraps), and its
+    /// answer since the last call.
     pub fn poll(&mut self, now: u32, messages: u32, answer: Option<Answer>) -> Option<Message> {
         if messages != self.messages {
             self.messages = messages;
             self.last_heard = Some(now);
         } else if self.silent_for(now) > SILENT_AS_IT_IS_MS {
-            // The instant is dropped, since the clock's wrap could make it look recent.
+            // The time of the last message is dropped after a long silence. Otherwise the clock's wrap could make it
+            // look recent.
             self.last_heard = None;
         }
         match self.state {
@@ -290,7 +295,7 @@ impl Configuration {
 
     fn await_answer(&mut self, step: Step, sent: u32, now: u32, answer: Option<Answer>) {
         let passed = now.wrapping_sub(sent);
-        // Silent means that no intact message has come since the configuration message was sent.
+        // The receiver counts as silent if no intact message has come since the configuration message was sent.
         let is_silent = self.silent_for(now) >= passed;
         match (step, answer) {
             (Step::Baud, Some(_)) => self.go_to(Step::Basic),
@@ -410,7 +415,8 @@ mod tests {
             }
         }
 
-        /// Gives `answer` to each message until none comes for 400 ms. Returns the number of messages answered.
+        /// Gives `answer` to each message of HORUS until none comes for 400 ms. Returns the number of messages
+        /// answered.
         fn answer_all(&mut self, mut answer: impl FnMut(usize) -> Answer) -> usize {
             let mut answered = 0;
             let mut quiet = 0;
@@ -419,7 +425,7 @@ mod tests {
                     Some(_) => {
                         self.step(true, None);
                         self.step(false, Some(answer(answered)));
-                        // An answer may make HORUS send the next message at once.
+                        // HORUS may send the next configuration message as soon as it gets an answer.
                         while self.sent.len() > answered + 1 && quiet == 0 && answered < 3 {
                             answered += 1;
                             self.step(false, Some(answer(answered)));
@@ -485,7 +491,7 @@ mod tests {
         assert_eq!(baud.rate(), Rate::Factory);
         let model = of(Interface::Spi).message(Step::Model);
         assert_eq!(model.bytes(), built(&[NavSpgDynModel(NavDynamicModel::AirborneWithLess2gAcceleration)]));
-        // The crate does not have NAV-ATT's keys.
+        // The crate `ublox` does not have NAV-ATT's keys, so they are compared with numbers.
         let attitude =
             [Interface::Ddc, Interface::Uart, Interface::Spi].map(|it| keys(&of(it).message(Step::Attitude)));
         assert_eq!(attitude, [[0x2091_001F], [0x2091_0020], [0x2091_0023]]);
@@ -522,12 +528,13 @@ mod tests {
         let mut talk = Talk::new(Interface::Ddc);
         assert_eq!(talk.answer_all(|index| if index == 1 { Answer::Refused } else { Answer::Taken }), 4);
         assert_eq!(talk.configuration.standing(), Standing::OtherModel);
-        // Silence is judged as for a receiver that took every message.
+        // A receiver that refused the dynamic model counts as silent after the same time as one that took every
+        // message.
         talk.step(true, None);
         talk.pass(SILENT_MS + 20, false);
         assert_eq!((talk.sent.len(), talk.configuration.standing()), (5, Standing::NotYet));
 
-        // This receiver never answers the message of the dynamic model.
+        // The receiver answers the basic message, but never the message of the dynamic model.
         let mut talk = Talk::new(Interface::Ddc);
         talk.step(false, None);
         talk.step(false, Some(Answer::Taken));
@@ -587,7 +594,6 @@ mod tests {
     fn after_silence_everything_is_sent_again_and_not_sooner() {
         let mut talk = Talk::new(Interface::Ddc);
         assert_eq!(talk.answer_all(|_| Answer::Taken), 4);
-        // 400 ms have passed already in `answer_all`.
         talk.pass(90, false);
         assert_eq!(talk.sent.len(), 4);
         talk.step(true, None);
@@ -602,7 +608,6 @@ mod tests {
     fn an_unconfigured_receiver_may_be_silent_for_a_limited_time() {
         let mut configuration = Configuration::new(Interface::Spi, 125);
         let mut last = NOW;
-        // The receiver sends messages and never answers one.
         for heard in 1..=60 {
             last = NOW.wrapping_add(100 * heard);
             configuration.poll(last, heard, None);
@@ -619,7 +624,7 @@ mod tests {
         let mut configuration = Configuration::new(Interface::Spi, 125);
         configuration.poll(NOW, 1, None);
         configuration.poll(NOW.wrapping_add(SILENT_AS_IT_IS_MS + 1), 1, None);
-        // The clock wraps, and passes the instant of the receiver's last message again.
+        // The clock wraps, and again shows the time of the receiver's last message.
         for waited in 0..10 {
             configuration.poll(NOW.wrapping_add(waited * ANSWER_MS), 1, None);
         }
@@ -635,7 +640,7 @@ mod tests {
         assert!(configuration.poll(at.wrapping_add(1), 0, None).is_none());
         let basic = configuration.poll(at.wrapping_add(2), 1, Some(Answer::Taken)).unwrap();
         assert_eq!(keys(&basic)[0], 0x1074_0001);
-        // The receiver has answered the baud rate's message, but not the basic message yet.
+        // The receiver has answered the message of the baud rate, but not yet the basic message.
         assert_eq!(configuration.standing(), Standing::NotYet);
     }
 
@@ -677,7 +682,7 @@ mod tests {
                     prop_assert!(interface == Interface::Uart || message.rate() == Rate::Usual);
                 }
             }
-            // One message is sent for each answer, and otherwise at most one in 200 ms.
+            // HORUS sends one message for each answer, and without answers at most one in 200 ms.
             prop_assert!(talk.sent.len() <= 1 + answers + (talk.now.wrapping_sub(NOW) / BAUD_MS) as usize);
         }
     }

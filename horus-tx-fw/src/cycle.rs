@@ -5,9 +5,9 @@
 //! [`Cycle::fill`] is called once per tick, and does the same work whatever the receivers have sent: every object is
 //! written and sealed, and a value that is not valid is replaced by the design's NaN with a selection, not a branch.
 //!
-//! [`Cycle::vote`] is called in the cycle before the tick, after that cycle's slot, and seals Reported-Position, since
-//! a vote takes longer than the time between tick and slot. So a vote uses what the receivers have sent until 10 ms
-//! before its tick, and extrapolates to the tick. A vote for another tick is not sent.
+//! [`Cycle::vote`] is called in the cycle before its tick, because a vote takes longer than the time between tick and
+//! slot. A vote uses what the receivers have sent until 10 ms before the tick, and extrapolates to the tick. It also
+//! seals Reported-Position. A vote for another tick is not sent.
 //!
 //! Reported-Position is what a majority of the receivers states ([`horus_voter`]): their position, extrapolated to the
 //! tick, and their number. It is *degraded* while fewer receivers agree than are fitted, or while there is no altitude.
@@ -39,7 +39,7 @@ use crate::{
 pub struct Start {
     /// The clock that HORUS runs on.
     pub clock: Source,
-    /// The reason for which the processor started.
+    /// The reason why the processor started.
     pub reason: ResetReason,
     /// The receivers that were excluded before the start, in the form of [`Verdict::excluded`]
     /// ([`exclusions`](crate::exclusions) keeps them over a reset).
@@ -66,7 +66,8 @@ impl<const N: usize> Cycle<N> {
         Self::after(Start { clock: Source::External, reason: ResetReason::PowerOn, excluded: 0 })
     }
 
-    /// Returns the state of a HORUS after `start`, which Reported-Position's status tells.
+    /// Returns the state of a HORUS that begins with the findings `start`. Reported-Position's status tells these
+    /// findings.
     #[must_use]
     pub const fn after(start: Start) -> Self {
         let voter = Voter::excluding(start.excluded);
@@ -176,7 +177,7 @@ fn input_of(solution: &Solution, now: u32) -> Input {
     }
 }
 
-/// Returns `value` if `shown` is true, otherwise the NaN of the design.
+/// Returns `value` if `shown` is true. Otherwise returns the NaN that stands for a value that is not valid.
 fn shown_f64(shown: bool, value: f64) -> f64 {
     if shown {
         value
@@ -207,7 +208,8 @@ fn gps_values(solution: &Solution, excluded: bool, now: u32) -> GpsValues {
         .with_heard(last_heard.within(now, HEARD_MS))
         .with_stale(!position.pace.is_fresh(now))
         .with_excluded(excluded);
-    // Both values are computed, since a branch would take longer for a receiver that has sent a message.
+    // Both values are computed, whichever is used. A branch would make the time depend on whether the receiver has sent
+    // a message.
     status = select_unpredictable(
         position.pace.has_arrived(),
         status.with_solution_age_ms(Some(position.pace.age_ms(now))),

@@ -42,29 +42,31 @@ use crate::source::{Backlog, Busy, Message, RING};
 pub const ADDRESS: u8 = 0x42;
 const WRITE: u8 = ADDRESS << 1;
 const READ: u8 = ADDRESS << 1 | 1;
-/// The first of the two registers with the number of waiting bytes.
+/// The number of waiting bytes is in two registers, of which this is the first.
 const WAITING: u8 = 0xFD;
 
-/// The most bytes of the stream that are read in one cycle: at 27 µs each they take 6.9 ms, which leaves 2.7 ms for a
-/// receiver that stretches the clock. They are 25.6 kB/s; a receiver with all three messages at 25 Hz sends 4.6 kB/s.
+/// The most bytes of the receiver's stream that are read in one cycle: at 27 µs each they take 6.9 ms, which leaves 2.7
+/// ms for a receiver that stretches the clock. This is 25.6 kB/s; a receiver with all three messages at 25 Hz sends 4.6
+/// kB/s.
 pub const MOST: usize = 256;
 
 const _: () = assert!(RING >= 2 * MOST);
 
-/// How long each level of a recovery lasts, µs. The clock then has 50 kHz, which no I2C device is too slow for.
+/// How long a recovery of the bus keeps each level, µs. The clock then has 50 kHz, which no I2C device is too slow for.
 pub const STEP_US: u16 = 10;
 
-/// The number of clocks in a recovery: a receiver that sends a byte releases SDA after eight bits and the acknowledge.
+/// The number of clocks in a recovery of the bus. A receiver that sends a byte releases SDA after eight bits and the
+/// acknowledge.
 const CLOCKS: u8 = 9;
 
-/// The number of ticks from a recovery that did not free the bus to the next recovery.
+/// If a recovery did not free the bus, the number of ticks until the next recovery.
 pub const HOLD_TICKS: u8 = 10;
 
 /// The most events without progress before the event interrupts are switched off. A repeated START is on the bus within
 /// 5 µs, and a handler takes 1 µs at least.
 pub const MOST_SPURIOUS: u8 = 16;
 
-/// The most bus errors between two ticks that leave a transaction under way. Each costs a call of 1 to 2 µs, so
+/// The most bus errors between two ticks that do not end a transaction. Each error costs a call of 1 to 2 µs, so
 /// together they cost 0.1 ms of a cycle. A pulse on SDA every 0.2 ms makes 50 errors.
 pub const MOST_BUS_ERRORS: u8 = 64;
 
@@ -75,7 +77,7 @@ pub struct Bus {
     pub scl: bool,
     /// The level of SDA.
     pub sda: bool,
-    /// Whether the peripheral says that the bus is busy, or has not yet carried out a START or STOP.
+    /// Whether the peripheral reports a busy bus, or has not yet carried out a START or STOP that was requested.
     pub busy: bool,
 }
 
@@ -102,10 +104,10 @@ pub struct Events {
     pub bus_error: bool,
 }
 
-/// What the code that accesses the registers has to do next.
+/// What the code that accesses the I2C registers has to do next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
-    /// Do nothing.
+    /// There is nothing to do.
     Nothing,
     /// Request a START, with the interrupts of events and errors on.
     Start,
@@ -132,12 +134,12 @@ pub enum Order {
     Rejoin,
 }
 
-/// The result of a read by the DMA stream.
+/// The result of a read whose bytes the DMA stream has moved.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Received {
     /// The range of the received bytes that belong to the receiver's stream.
     pub stream: Range<usize>,
-    /// The next order.
+    /// The next order that the code with access to the registers has to carry out.
     pub then: Order,
 }
 
@@ -180,10 +182,10 @@ pub struct Ddc {
     spurious: u8,
     bus_errors: u8,
     hold: u8,
-    /// The state of the bus when it was last found not to be free.
+    /// The state of the bus at the last tick that did not find it free.
     stuck: Option<Bus>,
     backlog: Backlog,
-    /// Whether more bytes wait in the receiver than are being read.
+    /// Whether more bytes wait in the receiver than the present read takes.
     leaves: bool,
     counts: Counts,
 }
@@ -240,7 +242,7 @@ impl Ddc {
         }
     }
 
-    /// Serves the tick, at which the bus is in the state `bus`.
+    /// Serves the tick. `bus` is the state of the bus at the tick.
     pub fn poll(&mut self, bus: Bus) -> Order {
         self.backlog.tick();
         self.bus_errors = 0;
@@ -266,7 +268,7 @@ impl Ddc {
     /// Serves the peripheral's interrupt.
     pub fn event(&mut self, events: Events) -> Order {
         if events.arbitration_lost {
-            // The peripheral does not control the bus any more, so there is no transfer to stop.
+            // After a lost arbitration the peripheral does not control the bus, so there is no transfer to stop.
             return self.give_up(Order::Mute);
         }
         if events.refused {
@@ -316,7 +318,7 @@ impl Ddc {
         order
     }
 
-    /// Serves the end of a read. `first` holds the first three of the received bytes.
+    /// Serves the end of a read. `first` holds the first three bytes that were received.
     pub fn received(&mut self, first: [u8; 3]) -> Received {
         let waiting = match u16::from_be_bytes([first[0], first[1]]) {
             u16::MAX => 0,
@@ -355,11 +357,11 @@ impl Ddc {
         }
     }
 
-    /// Serves the end of the time of a level that the recovery drives.
+    /// Takes the recovery of the bus one level further, when the last level has lasted for [`STEP_US`].
     pub fn step(&mut self) -> Order {
         let State::Recovering(step) = self.state else { return Order::Nothing };
         self.state = State::Recovering(step.saturating_add(1));
-        // This is the last level before the STOP, a rise of SDA while SCL is high.
+        // After this level comes the STOP, a rise of SDA while SCL is high.
         const LAST: u8 = 2 * CLOCKS;
         match step {
             0..LAST => Order::Drive { scl: step % 2 == 1, sda: true },
@@ -395,7 +397,7 @@ impl Ddc {
             return Order::Mute;
         }
         self.state = State::Idle;
-        // A message that the receiver does not take is dropped: its sender notices that no answer comes.
+        // A message that the receiver does not take is dropped. The configuration notices that no answer comes.
         self.message = None;
         self.counts.refused = self.counts.refused.wrapping_add(1);
         order

@@ -1,16 +1,16 @@
-//! What the idle loop does while no task runs: slices of the patrol, and the log.
+//! The work of the idle loop while no task runs: slices of memory checks, and the log.
 //!
 //! # Design
 //!
-//! A slice of memory checks and a log message could each delay a slot or a tick, so each begins only in the quiet part
-//! of a cycle ([`timing::quiet`](crate::timing::quiet)). Work that finds no quiet part waits for the next one.
+//! A slice of memory checks or a log message could delay a slot or a tick. So each begins only in the quiet part of a
+//! cycle ([`timing::quiet`](crate::timing::quiet)). Work that finds no quiet part waits for that of the next cycle.
 
 use firmware_common::patrol::{Pace, MOST_SLICES};
 use st25r3916::Fault;
 
 use crate::{telemetry::Telemetry, RECEIVERS};
 
-/// Counts the slices of the patrol that are due.
+/// Counts the slices of memory checks that are due.
 #[derive(Clone, Copy, Debug)]
 pub struct Slices {
     pace: Pace,
@@ -18,19 +18,21 @@ pub struct Slices {
 }
 
 impl Slices {
-    /// Returns the count at its start. `now_us` is a µs counter that may wrap, here and in the other methods.
+    /// Returns the count of due slices at the start. `now_us` is a µs counter that may wrap, here and in the other
+    /// methods.
     #[must_use]
     pub const fn new(now_us: u32) -> Self {
         Self { pace: Pace::new(now_us), due: 0 }
     }
 
-    /// Whether slices are due at `now_us`. At most [`MOST_SLICES`] are, with those that found no quiet part before.
+    /// Whether slices of memory checks are due at `now_us`. At most [`MOST_SLICES`] are due at once; slices that found
+    /// no quiet part of an earlier cycle count among them.
     pub fn are_due(&mut self, now_us: u32) -> bool {
         self.due = (self.due + self.pace.due(now_us)).min(MOST_SLICES);
         self.due > 0
     }
 
-    /// Whether to do another slice now. If so, the slice counts as done.
+    /// Whether to do another slice of memory checks now. If so, the slice counts as done.
     pub fn take(&mut self, is_quiet: impl FnOnce() -> bool) -> bool {
         let takes = self.due > 0 && is_quiet();
         self.due -= u32::from(takes);
@@ -52,18 +54,18 @@ pub enum Message {
     },
     /// The counts that are logged once a second.
     Second,
-    /// The counts of a receiver's bus, if they have changed, once a second at most.
+    /// The counts of the bus of a receiver. They are logged when they have changed, once a second at most.
     Bus {
         /// The number of the receiver.
         receiver: usize,
         /// The recoveries of the bus so far.
         recoveries: u32,
-        /// The transactions so far that had not ended by the next tick.
+        /// The number of transactions so far that had not ended by the next tick.
         timed_out: u32,
     },
 }
 
-/// The messages that were logged last, so that each change is logged once.
+/// The messages that were logged last. A message is logged again only when it has changed.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Journal {
     fault: Option<Fault>,
@@ -132,7 +134,7 @@ mod tests {
         assert_eq!((0..40).filter(|_| slices.take(|| true)).count(), MOST_SLICES as usize);
     }
 
-    /// Returns what is logged in each of `calls`. The calls whose index is in `busy` find no quiet part.
+    /// Returns what is logged in each of `calls`. At the calls whose index is in `busy`, no message can be written.
     fn logged(calls: &[(Option<Fault>, u32)], busy: &[usize], telemetry: &Telemetry) -> Vec<Vec<Message>> {
         let mut journal = Journal::new();
         let call = |(number, (fault, second)): (usize, &(Option<Fault>, u32))| {

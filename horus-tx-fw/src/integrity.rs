@@ -16,7 +16,7 @@
 //!
 //! # Time to detect
 //!
-//! [`FLASH_DETECT_US`], [`GUARD_DETECT_US`] and [`RAM_DETECT_US`] are the bounds. They hold while the idle loop runs;
+//! The bounds are [`FLASH_DETECT_US`], [`GUARD_DETECT_US`] and [`RAM_DETECT_US`]. They hold while the idle loop runs;
 //! if it does not run for 100 ms, the watchdog resets the part.
 
 use firmware_common::{
@@ -27,7 +27,8 @@ use profile::CYCLE_MS;
 
 use crate::telemetry::Telemetry;
 
-/// The number of words that a slice verifies, which takes about 1 % of the processor's time on the pessimistic clock.
+/// The number of words that a slice of memory checks verifies. This takes about 1 % of the processor's time on the
+/// pessimistic clock.
 pub const RATE: Rate = Rate { flash_words: 16, code_words: 0, ram_words: 6 };
 
 /// The size of the program's flash, bytes, as in `memory.x`.
@@ -49,7 +50,7 @@ pub const RAM_DETECT_US: u32 = RATE.ram_pass_us(RAM_BYTES) + WAIT_US;
 // Shows SAFE-4, SAFE-5.
 const _: () = assert!(FLASH_DETECT_US <= 9_100_000 && RAM_DETECT_US <= 3_500_000);
 
-/// Counts what a slice found. Returns cause and detail of a finding for which HORUS has to stop.
+/// Counts what a slice of memory checks has found. Returns cause and detail of a finding that requires the safe state.
 pub fn judge(slice: &Slice, telemetry: &Telemetry) -> Option<(Cause, u32)> {
     telemetry.ram_errors.add(u32::from(slice.ram.is_some()));
     telemetry.ram_passes.add(u32::from(slice.ram_pass.is_some()));

@@ -8,7 +8,7 @@
 //! and never listens, so no frame is sent again: a frame that is not ready in its slot is skipped and counted (paper,
 //! section 2: operations that take constant time and either succeed or do not).
 //!
-//! This library holds every decision of that path as plain Rust that the host tests:
+//! This library holds every decision between the receivers and the air as plain Rust that the host tests:
 //!
 //! | module | what it decides |
 //! |---|---|
@@ -21,6 +21,7 @@
 //! | [`ring`] | how many bytes a circular DMA transfer has delivered, and whether it has overwritten unread bytes |
 //! | [`timing`] | the slots of a cycle, each with its derivation, checked at compile time |
 //! | [`clock`] | whether to run on the external clock or, without it, on the internal oscillator |
+//! | [`flow`] | the order and the least times of the cycle's tasks |
 //! | [`exclusions`] | which receivers stay excluded over a reset |
 //! | [`integrity`] | what follows from a change of memory, and when it is found |
 //! | [`idle`] | when memory is verified, and what is logged when |
@@ -39,6 +40,7 @@ pub mod configuration;
 pub mod cycle;
 pub mod ddc;
 pub mod exclusions;
+pub mod flow;
 pub mod idle;
 pub mod integrity;
 pub mod protection;

@@ -26,16 +26,18 @@
 //!   peak to peak. The task shares nothing with other tasks, so no lock ever masks it.
 //! - `rf_spi` starts the next SPI transfer; the load of a frame's head ends before the slot.
 //! - `rf_irq` notes the end of a frame before the next tick.
-//! - `rf_timer` has no deadline: it does no harm if it is late.
+//! - `rf_timer` has no deadline, because a late run does no harm.
 //! - `rf_slot` runs before the frame's end, 1.9 ms after the slot at the earliest.
 //! - `cycle` fills, seals and offers the profile early enough that the load ends before the slot (see `timing`).
-//! - `vote` votes for the next tick and ends within the cycle. It begins after the slot, which it would delay.
-//! - `gnss*` reads a UART ring's position within half a ring, 5.5 ms. I2C and SPI have no deadline: I2C stretches its
-//!   clock, SPI has its bytes in memory, and a transfer that has not ended by the next tick is ended as failed.
+//! - `vote` votes for the next tick and ends within the cycle. It begins after the slot, because it would delay the
+//!   slot.
+//! - `gnss*` reads a UART ring's position before another half of the ring is full, 5.5 ms. I2C and SPI have no
+//!   deadline: I2C stretches its clock, SPI has its bytes in memory, and a transfer that has not ended by the next tick
+//!   is ended as failed.
 //! - `parse` parses within one cycle all bytes that have come.
 //! - `idle` feeds the watchdog when all tasks have checked in, and logs when a message delays neither slot nor tick.
 //!
-//! The vectors of CAN1 and CAN2, which stay off, let a task call one of lower priority without a queue and a lock.
+//! CAN1 and CAN2 stay off. Their vectors let a task call one of lower priority without a queue and a lock.
 //!
 //! No task waits for the SPI except for the end of one byte, and no task allocates. A panic, a fault, a failing clock
 //! and a changed program all end in the safe state: field off, the reason is logged, and the watchdog resets the part.
@@ -43,9 +45,9 @@
 //! # Start
 //!
 //! The order is: reset flags and watchdog (the first instructions, `hw::start_up`), test of the RAM, brown-out level,
-//! oscillator, voltage detector, comparison of the program with its CRC, then front end, receivers and cycle. The
-//! comparison takes 4 to 6 ms at 144 MHz; at the first 16 MHz it would take 40 ms of the watchdog's 68 ms at worst.
-//! Before it the start changes only the clocks.
+//! oscillator, voltage detector, comparison of the program with its CRC, then front end, receivers and cycle. Before
+//! the comparison only the clocks are changed, because it takes 4 to 6 ms at 144 MHz. At the first 16 MHz it would take
+//! 40 ms of the watchdog's 68 ms at worst.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 #![deny(unsafe_code)]
 
@@ -70,6 +72,7 @@ mod app {
     use defmt_rtt as _;
     use firmware_common::{
         check_in::CheckIn,
+        flow::Flow,
         last_stop::{self, Cause, Stop},
         mpu,
         patrol::{self, PartMemory, Patrol},
@@ -78,6 +81,7 @@ mod app {
     use horus_tx_fw::{
         configuration::{self, Configuration},
         cycle::{Cycle, Start},
+        flow::Step,
         idle::{Journal, Message, Slices},
         integrity, protection,
         receiver::{Receiver, Solution, BYTES_PER_CALL},
@@ -108,6 +112,8 @@ mod app {
 
     static CHECK_IN: CheckIn<Task> = CheckIn::new();
 
+    static FLOW: Flow<Step> = Flow::new();
+
     #[shared]
     struct Shared {
         transmitter: Transmitter<'static, Radio>,
@@ -133,10 +139,11 @@ mod app {
     fn init(mut cx: init::Context) -> (Shared, Local, init::Monotonics) {
         let mut device = cx.device;
 
-        // The first instructions have started the watchdog (`hw::start_up`). Only power-on clears the bits of DBGMCU.
+        // The watchdog has been running since the first instructions (`hw::start_up`). The bits of DBGMCU are set each
+        // time, since only power-on clears them.
         let mut watchdog = IndependentWatchdog::new(device.IWDG);
         watchdog.stop_on_debug(&device.DBGMCU, cfg!(feature = "debugger-stops-watchdog"));
-        // The watchdog is fed after its reload value has arrived, so that it counts from that value.
+        // The watchdog is fed once its reload value has arrived, so that it counts from that value.
         asm::delay(timing::WATCHDOG_UPDATE_CYCLES);
         watchdog.feed();
         let reason = hw::reset::note_reason();
@@ -144,12 +151,14 @@ mod app {
         cx.core.DCB.enable_trace();
         cx.core.DWT.enable_cycle_counter();
 
-        // Log messages carry the cycle timer's time, even those of a start that fails.
+        // The clock of the cycle timer is switched on early, so that log messages have a time even if the start fails.
         cycle_timer::enable_clock(&mut device.RCC);
-        // The record of the last stop is read first, since the set-up of the clocks writes a record of its own.
+        // The record of the last stop is read before the clocks are set up, because that set-up writes a record of its
+        // own.
         let stopped = last_stop::take();
         HORUS_TELEMETRY.last_stop.set(last_stop::code());
-        // At 144 MHz only the brown-out reset prevents wrong reads of instructions while the supply falls.
+        // The brown-out level is checked before the clocks are set up. At 144 MHz only the brown-out reset prevents
+        // wrong reads of instructions while the supply falls.
         let level = hw::supply::brown_out_level();
         if level != supply::BROWN_OUT_LEVEL {
             let stop = Stop::new(Cause::BrownOutLevel, 0, level);
@@ -188,7 +197,7 @@ mod app {
         safe_state::name_faults(&mut cx.core.SCB);
         mpu::apply(&mut cx.core.MPU, &protection::START);
 
-        // From here on the watchdog's full time is left; then the tasks have to check in.
+        // The watchdog has just been fed. Before its time is over, all tasks have to check in.
         watchdog.feed();
 
         let radio = Radio::new(&mut rcc, device.SPI1, device.TIM5, device.SYSCFG, &device.EXTI);
@@ -196,7 +205,7 @@ mod app {
         let lines = GnssLine::all(&mut rcc);
         let transmitter = Transmitter::start(PollerConfig::new(), &HORUS_TELEMETRY, radio);
         let mut timer = CycleTimer::new(device.TIM2);
-        timer.start();
+        timer.start(&mut cx.core.SYST);
         defmt::info!(
             "HORUS: {=usize} receivers, slots {=[?]} us, {=u32} watchdog resets, last reset: {=str}",
             RECEIVERS,
@@ -216,7 +225,8 @@ mod app {
             defmt::warn!("the external clock is missing: running on the internal oscillator");
         }
         let mut memory = PartMemory::take();
-        // No part of the program is shut, since flash does not begin at address 0 here.
+        // The patrol can read the whole program: flash does not begin at address 0, so the memory protection shuts no
+        // part of it.
         let layout = patrol::layout(0, hw::shared_memory());
         let patrol = Patrol::new(layout, integrity::RATE, &mut memory);
         mpu::apply(&mut cx.core.MPU, &protection::TASKS);
@@ -244,7 +254,7 @@ mod app {
             if CHECK_IN.complete() {
                 cx.local.watchdog.feed();
             }
-            // Most wake-ups find no work here, and so cost only this query.
+            // Most interrupts that wake the processor leave no work for the idle loop, so the cheap query comes first.
             if !slices.are_due(now_us()) || !cycle_timer::is_quiet() {
                 rtic::export::wfi();
                 continue;
@@ -252,8 +262,7 @@ mod app {
             while slices.take(cycle_timer::is_quiet) {
                 let slice = cx.local.patrol.slice(cx.local.memory);
                 if let Some((cause, detail)) = integrity::judge(&slice, &HORUS_TELEMETRY) {
-                    let stop = Stop::new(cause, 0, detail);
-                    safe_state::enter(hw::safe_state, || stop, |stop| hw::log_stop("memory", stop));
+                    stop("memory", Stop::new(cause, 0, detail));
                 }
             }
             let take_fault = || cx.shared.transmitter.lock(Transmitter::take_fault);
@@ -284,11 +293,37 @@ mod app {
         }
     }
 
+    /// Records that a step of the cycle begins. If it is not its turn, HORUS stops. A debugger that halts the processor
+    /// delays steps, so the order counts only where the watchdog runs on.
+    #[inline(always)]
+    fn begin(step: Step) {
+        if !FLOW.begin(step, cycle_timer::counter) && !cfg!(feature = "debugger-stops-watchdog") {
+            stop_out_of_order(step);
+        }
+    }
+
+    fn stop_out_of_order(step: Step) -> ! {
+        stop("flow", Stop::new(Cause::Flow, safe_state::active_exception(), step as u32))
+    }
+
+    /// Stops HORUS because of `stop`, which the check of `what` has found.
+    #[cold]
+    #[inline(never)]
+    fn stop(what: &'static str, stop: Stop) -> ! {
+        safe_state::enter(hw::safe_state, || stop, |stop| hw::log_stop(what, stop))
+    }
+
     #[task(binds = TIM2, priority = 5, local = [timer])]
     fn slot(cx: slot::Context) {
         match cx.local.timer.interrupt() {
-            CycleEvent::Slot => board::call(Task::rf_slot),
-            CycleEvent::Tick => board::call(Task::cycle),
+            CycleEvent::Slot(frame) => {
+                begin(Step::slot(frame));
+                board::call(Task::rf_slot);
+            }
+            CycleEvent::Tick => {
+                begin(Step::Tick);
+                board::call(Task::cycle);
+            }
         }
         CHECK_IN.check_in(Task::slot);
         settle();
@@ -330,9 +365,12 @@ mod app {
 
     #[task(binds = CAN1_TX, priority = 4, shared = [transmitter])]
     fn rf_slot(mut cx: rf_slot::Context) {
-        if let Some(slot) = cycle_timer::take_slot() {
+        let slot = cycle_timer::take_slot();
+        begin(Step::rf_slot(slot.as_ref().map_or(0, |slot| slot.frame)));
+        if let Some(slot) = slot {
             if slot.frame == 0 {
-                // At the tick a division of the vote, or an access to a slow bus, would delay the slot's interrupt.
+                // Both tasks are called after the slot: earlier, a division or a slow bus access of theirs would delay
+                // the slot's interrupt.
                 board::call(Task::vote);
                 board::call(Task::gnss_tick);
             }
@@ -345,6 +383,7 @@ mod app {
     #[task(binds = CAN1_RX0, priority = 3, shared = [cycle, transmitter, solutions])]
     fn cycle(mut cx: cycle::Context) {
         let begun = DWT::cycle_count();
+        begin(Step::Cycle);
         let tick = cycle_timer::tick();
         cx.shared.cycle.sample(state_inputs::levels());
         let profile = cx.shared.solutions.lock(|solutions| cx.shared.cycle.fill(tick, solutions));
@@ -356,6 +395,7 @@ mod app {
 
     #[task(binds = CAN2_RX0, priority = 3, shared = [cycle, solutions])]
     fn vote(mut cx: vote::Context) {
+        begin(Step::Vote);
         let tick = cycle_timer::tick();
         let cycle = cx.shared.cycle;
         cx.shared.solutions.lock(|solutions| cycle.vote(tick.wrapping_add(1), solutions));
@@ -367,6 +407,7 @@ mod app {
 
     #[task(binds = CAN2_TX, priority = 2, shared = [lines])]
     fn gnss_tick(cx: gnss_tick::Context) {
+        begin(Step::GnssTick);
         for line in cx.shared.lines {
             line.poll();
         }
@@ -468,7 +509,7 @@ mod app {
 
             let configuration = &mut cx.local.configurations[index];
             if let Some(message) = configuration.poll(now, counts.messages, receiver.take_answer()) {
-                // If there is no room for the message, it gets no answer, and is therefore sent again.
+                // A message that finds the outbox full gets no answer, and is therefore sent again.
                 buffers::outbox(index).put(&message);
             }
             HORUS_TELEMETRY.sources[index].configuration.set(configuration.standing() as u32);

@@ -46,16 +46,16 @@ pub const BYTES_PER_CALL: usize = 64;
 /// How long a receiver counts as heard after an intact message, ms (docs/design.md#status-words, bit 7).
 pub const HEARD_MS: u32 = 250;
 
-/// The longest period of a message kind that is accepted, ms (docs/design.md#validity). It is also the period before
-/// the kind's second message, since it is u-blox's default.
+/// The longest period of a kind of message that is accepted, ms (docs/design.md#validity). It is u-blox's default, so
+/// it is also assumed until the second message of the kind.
 pub const LONGEST_PERIOD_MS: u32 = 1_000;
 /// The shortest period that is accepted, ms: 50 Hz, twice the rate of the fastest receivers.
 const SHORTEST_PERIOD_MS: u32 = 20;
-/// The number of steps of the time of week in a row that must be longer than the period before the period grows.
+/// How many steps of the time of week in a row must be longer than the period before the period grows.
 pub const LONGER_STEPS: u32 = 4;
-/// The time beyond its period until which a solution is valid, ms (docs/design.md#validity).
+/// A solution is valid until its age exceeds its period by this, ms (docs/design.md#validity).
 pub const VALID_SLACK_MS: u32 = 150;
-/// The time beyond its period from which on a solution is stale, ms (docs/design.md#validity).
+/// A solution is stale once its age exceeds its period by this, ms (docs/design.md#validity).
 pub const STALE_SLACK_MS: u32 = 50;
 /// The age, ms, from which on a time stamp is dropped, long before the clock's wrap could make it look recent.
 const FORGOTTEN_MS: u32 = 60_000;
@@ -76,8 +76,8 @@ pub struct Stamp {
 }
 
 impl Stamp {
-    /// Whether the event happened at most `limit` ms (below 2^31) before `now`, or after `now`, since a message may
-    /// arrive between a tick and its cycle.
+    /// Whether the event happened at most `limit` ms (below 2^31) before `now`. An event after `now` counts too, since
+    /// a message may arrive between a tick and its cycle.
     #[must_use]
     pub const fn within(self, now: u32, limit: u32) -> bool {
         self.happened & (now.wrapping_sub(self.at) as i32 <= limit as i32)
@@ -102,7 +102,7 @@ pub struct Pace {
     /// The time from the last message's time of week to its arrival, ms, modulo a week.
     lag_ms: u32,
     period_ms: u32,
-    /// The number of steps in a row that were longer than the period.
+    /// The number of steps of the time of week in a row that were longer than the period.
     longer_steps: u32,
     shortest_longer_ms: u32,
 }
@@ -121,19 +121,19 @@ impl Default for Pace {
 }
 
 impl Pace {
-    /// Returns the message kind's period as it was learned, ms, at most [`LONGEST_PERIOD_MS`].
+    /// Returns the learned period of the messages of this kind, ms, at most [`LONGEST_PERIOD_MS`].
     #[must_use]
     pub const fn period_ms(&self) -> u32 {
         self.period_ms
     }
 
-    /// Whether the last message is young enough at `now`, ms, not to be stale.
+    /// Whether the last message of this kind is young enough at `now`, ms, not to be stale.
     #[must_use]
     pub fn is_fresh(&self, now: u32) -> bool {
         self.arrived.within(now, self.period_ms + STALE_SLACK_MS - 1)
     }
 
-    /// Whether the last message is young enough to be valid at `now`, ms.
+    /// Whether the last message of this kind is young enough to be valid at `now`, ms.
     #[must_use]
     pub fn is_current(&self, now: u32) -> bool {
         self.arrived.within(now, self.period_ms + VALID_SLACK_MS)
@@ -177,7 +177,8 @@ impl Pace {
         }
         if let Some(previous) = self.time_of_week_ms {
             let step_ms = (time_of_week_ms % WEEK_MS + WEEK_MS - previous % WEEK_MS) % WEEK_MS;
-            // A step back, after the receiver was restarted, gives no information about its period.
+            // A time of week that steps back, after a restart of the receiver, says nothing about the receiver's
+            // period.
             if (SHORTEST_PERIOD_MS..WEEK_MS / 2).contains(&step_ms) {
                 self.learn(step_ms.min(LONGEST_PERIOD_MS));
             }
@@ -208,7 +209,7 @@ impl Pace {
 pub struct Position {
     /// The arrival of the last NAV-PVT message, and the period of these messages.
     pub pace: Pace,
-    /// The kind of fix; `None` for a code that UBX reserves, or before the first message.
+    /// The kind of the fix; `None` before the first message, and for a code that UBX reserves.
     pub fix: Option<FixType>,
     /// Whether the receiver states that latitude and longitude can be used (`gnssFixOK`, not `invalidLlh`, and a 2D, 3D
     /// or combined fix), and states plausible values. Dead reckoning without satellites does not count, since its error
@@ -218,7 +219,8 @@ pub struct Position {
     pub latitude: f64,
     /// The longitude, degrees, WGS-84.
     pub longitude: f64,
-    /// The altitude, m above the WGS-84 ellipsoid; NaN for a 2D fix, whose altitude is assumed.
+    /// The altitude, m above the WGS-84 ellipsoid. It is NaN for a 2D fix, because the receiver has then assumed the
+    /// altitude.
     pub altitude: f64,
     /// The velocity, m/s north, east, down.
     pub velocity: [f64; 3],
@@ -269,10 +271,10 @@ pub struct Solution {
     pub acceleration: Acceleration,
 }
 
-/// The counts of what a line has carried so far. All counts wrap.
+/// The counts of what a receiver's line has carried so far. All counts wrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// The number of bytes of the line that were taken in.
+    /// The number of bytes that were taken in from this receiver's line.
     pub bytes: u32,
     /// Intact UBX messages of any kind.
     pub messages: u32,
@@ -340,8 +342,9 @@ impl Receiver {
         let mut messages = self.parser.consume_ubx(bytes);
         while let Some(message) = messages.next() {
             match message {
-                // Zeros after a sync are a message of class 0 without a payload, whose checksum is zero. A line that
-                // falls low after a sync, or has another rate, brings such a message. UBX has no class 0.
+                // Zeros after a sync are a message of class 0 without payload, whose checksum is zero. A line that
+                // falls low, or has another baud rate, brings such messages. UBX has no class 0, so they are not
+                // counted as messages.
                 Ok(UbxPacket::Proto27(PacketRef::Unknown(unknown))) if unknown.class == 0 => {
                     self.counts.damaged = self.counts.damaged.wrapping_add(1);
                 }
@@ -387,9 +390,10 @@ impl Solution {
         self.acceleration.pace.arrived.expire(now);
     }
 
-    /// Takes the useful values of a message. Returns the message's length if it had useful values, otherwise 0.
+    /// Takes the useful values of a UBX message. Returns the message's length if it had useful values, otherwise 0.
     fn take(&mut self, message: &UbxPacket<'_>, now: u32) -> usize {
-        // If another crate enables them, the parser has more protocol versions; here it handles only version 27.
+        // If another crate enables more protocol versions, the parser has more variants. Only version 27 is handled
+        // here.
         #[allow(unreachable_patterns)]
         match message {
             UbxPacket::Proto27(PacketRef::NavPvt(pvt)) => {

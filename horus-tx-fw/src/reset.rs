@@ -1,4 +1,4 @@
-//! The reason for which the processor started, from its reset flags.
+//! The reason why the processor started, from its reset flags.
 
 use profile::ResetReason;
 
@@ -13,7 +13,7 @@ mod flag {
     pub(super) const LOW_POWER: u32 = 1 << 31;
 }
 
-/// Returns the reason for `csr`, the value of RCC_CSR at the start.
+/// Returns the reason of the reset for `csr`, the value of RCC_CSR at the start.
 ///
 /// Several flags are set at once: every internal reset also sets the pin's flag, and power-on also sets the flag of the
 /// brown-out. So the first set flag in this order tells the reason: power-on, brown-out, watchdog, software, low-power
@@ -37,7 +37,7 @@ pub const fn reason(csr: u32) -> ResetReason {
     }
 }
 
-/// Returns `reason` in words, for the log.
+/// Returns the reason of a reset in words, for the log.
 #[must_use]
 pub const fn name(reason: ResetReason) -> &'static str {
     match reason {
@@ -57,7 +57,7 @@ mod tests {
     // Shows STA-4.
     #[test]
     fn each_reset_reason_follows_from_its_combination_of_flags() {
-        // By the manual every reset from inside also sets the pin's flag.
+        // The manual says that every reset from inside the part also sets the pin's flag.
         assert_eq!(reason(0x0E00_0000), ResetReason::PowerOn, "supply on: POR, pin, BOR");
         assert_eq!(reason(0x0600_0000), ResetReason::BrownOutOrOther, "supply dipped: pin, BOR");
         assert_eq!(reason(0x2400_0000), ResetReason::Watchdog, "independent watchdog");

@@ -25,11 +25,12 @@ impl Writer {
     /// Takes the DMA stream's NDTR (the bytes left until the ring's end, 1..=`size`) of a ring of `size` bytes. Returns
     /// how many bytes were ever written (wraps).
     pub fn advance(&mut self, left: usize, size: usize) -> u32 {
-        // NDTR reads 0 only between the last byte of the ring and its reload.
+        // The DMA stream's NDTR reads 0 only between the last byte of the ring and the reload.
         let position = (size - left.min(size)) % size;
         let step = (position + size - self.position) % size;
         self.position = position;
-        // A step is smaller than a ring, and a ring is smaller than 64 KiB (NDTR has 16 bits).
+        // The writer moves by less than a ring between two positions, and a ring is smaller than 64 KiB (NDTR has 16
+        // bits).
         self.total = self.total.wrapping_add(step as u32);
         self.total
     }
@@ -38,7 +39,7 @@ impl Writer {
 /// A contiguous range of a ring that may be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Span {
-    /// The index of the first byte in the ring.
+    /// The index of the range's first byte in the ring.
     pub start: usize,
     /// The number of bytes.
     pub len: usize,

@@ -11,45 +11,47 @@ use core::sync::atomic::{AtomicU32, AtomicU8, Ordering};
 
 use crate::ring::Span;
 
-/// The size of each receiver's ring, bytes. It holds 11 ms of a UART at 460 800 baud, so half of it lasts for more than
-/// the 5 ms that the slowest task between source and parser takes. It is also twice what I2C and SPI bring in a cycle
-/// ([`crate::ddc::MOST`], [`crate::spi::TRANSFER`]).
+/// The size of each receiver's ring, bytes. The ring holds 11 ms of a UART at 460 800 baud, so half of it lasts for
+/// more than the 5 ms that the slowest task between source and parser takes. It also holds twice what I2C and SPI bring
+/// in a cycle ([`crate::ddc::MOST`], [`crate::spi::TRANSFER`]).
 pub const RING: usize = 512;
 
 const _: () = assert!(RING.is_power_of_two());
 
 /// Decides whether the bytes that are read from a receiver on I2C or SPI are new or have waited.
 ///
-/// Such a receiver keeps its bytes until they are read. A solution's age counts from its arrival, so a solution that
-/// waited in the receiver (while its bus was stuck, or HORUS started) would count as new. So all bytes after such a
-/// pause are dropped until the receiver has been read empty. On SPI a receiver without data and a line that is stuck
-/// high read alike, so the receiver counts as empty when some bytes came and then none; that costs the first message
-/// after the pause. On I2C the receiver tells how many bytes wait, and a pulse on the line can make that number too
-/// small, so two reads in a row must leave none.
+/// A receiver on I2C or SPI keeps its bytes until they are read. A solution's age counts from its arrival, so a
+/// solution that waited in the receiver (while its bus was stuck, or HORUS started) would count as new. So all bytes
+/// after such a pause are dropped until the receiver has been read empty. On SPI a receiver without data and a line
+/// that is stuck high read alike, so the receiver counts as empty when some bytes came and then none; that costs the
+/// first message after the pause. On I2C the receiver tells how many bytes wait, and a pulse on the line can make that
+/// number too small, so two reads in a row must leave none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Backlog {
-    /// The number of reads in a row that must leave no byte in the receiver after a pause.
+    /// After a pause in reading a receiver, the number of reads in a row that must leave no byte in it.
     proofs: u8,
-    /// The number of such reads that are still missing. If it is 0, the bytes that come are new.
+    /// The number of reads that must still leave the receiver empty. At 0, the bytes that come are new.
     missing: u8,
     ticks: u8,
-    /// The number of reads in a row that left bytes in the receiver.
+    /// The number of reads in a row that have left bytes in the receiver.
     behind: u8,
 }
 
 impl Backlog {
-    /// The greatest number of ticks between two reads of a receiver: one read may fail, or give way to a message.
+    /// The greatest number of ticks between two reads of a receiver after which its bytes still count as new. One read
+    /// may fail, or give way to a message.
     pub const TICKS: u8 = 2;
-    /// The number of reads in a row that leave bytes in the receiver, after which the bytes that come count as old.
+    /// When this many reads in a row have left bytes in the receiver, the bytes that come count as old.
     pub const BEHIND: u8 = 2;
 
-    /// Returns the state before the first read. After a pause, `proofs` reads in a row must leave no byte behind.
+    /// Returns the state before the first read of a receiver. After each pause `proofs` reads in a row must leave no
+    /// byte in it.
     #[must_use]
     pub const fn new(proofs: u8) -> Self {
         Self { proofs, missing: proofs, ticks: 0, behind: 0 }
     }
 
-    /// Counts a tick. To be called before the read that begins at the tick.
+    /// Counts a tick. To be called before the tick's read begins.
     pub fn tick(&mut self) {
         self.ticks = self.ticks.saturating_add(1);
         if self.ticks > Self::TICKS {
@@ -57,14 +59,14 @@ impl Backlog {
         }
     }
 
-    /// Whether the bytes that are being read are old and are to be dropped.
+    /// Whether the bytes of the present read are old, and so are to be dropped.
     #[must_use]
     pub const fn is_old(&self) -> bool {
         self.missing > 0
     }
 
-    /// Takes the end of a read. `is_empty` says that the read left none of the bytes that waited when it began. Returns
-    /// whether to keep the bytes that were read.
+    /// Takes the end of a read, and returns whether to keep its bytes. `is_empty` says that the read left none of the
+    /// bytes that waited when it began.
     pub fn read(&mut self, is_empty: bool) -> bool {
         self.ticks = 0;
         self.behind = if is_empty { 0 } else { (self.behind + 1).min(Self::BEHIND) };
@@ -123,7 +125,7 @@ impl Ring {
         self.written.store(written, Ordering::Release);
     }
 
-    /// Returns how many bytes were written since the start (wraps).
+    /// Returns the number of bytes that were written since the start; it wraps.
     #[must_use]
     pub fn written(&self) -> u32 {
         self.written.load(Ordering::Acquire)
@@ -180,11 +182,12 @@ impl Message {
     }
 }
 
-/// One message on its way from the parser's task to the task of the sources.
+/// A place for one message on its way from the parser's task to the task of the sources.
 #[derive(Debug)]
 pub struct Outbox {
     bytes: [AtomicU8; MESSAGE],
-    /// The length of the waiting message, with the bit [`FACTORY`] for that rate; 0 if no message waits.
+    /// The length of the waiting message, with the bit [`FACTORY`] if it goes out at the factory's rate; 0 if no
+    /// message waits.
     state: AtomicU32,
 }
 
@@ -203,7 +206,7 @@ impl Outbox {
         Self { bytes: [const { AtomicU8::new(0) }; MESSAGE], state: AtomicU32::new(0) }
     }
 
-    /// Puts a message in, and returns whether there was room for it. Only one task may call this.
+    /// Puts a message in, and returns whether there was room for it. Only one task may call this method.
     pub fn put(&self, message: &Message) -> bool {
         if self.state.load(Ordering::Acquire) != 0 {
             return false;
@@ -231,7 +234,7 @@ impl Outbox {
         Some(Message { bytes, len: ((state & !FACTORY) as usize).min(MESSAGE), rate })
     }
 
-    /// Removes the message. Only one task may peek and clear.
+    /// Removes the message that waits. Only one task may peek and clear.
     pub fn clear(&self) {
         self.state.store(0, Ordering::Release);
     }
@@ -254,7 +257,7 @@ pub struct Busy;
 
 /// A source of a receiver's bytes. All calls come from tasks of one priority, and none of them waits.
 pub trait Source {
-    /// Serves the tick: starts what is due, and ends as failed what should have ended by now.
+    /// Serves the tick: starts the transfer that is due, and ends as failed a transfer that should have ended by now.
     fn poll(&mut self);
 
     /// Serves one of the source's interrupts.
@@ -264,7 +267,7 @@ pub trait Source {
     ///
     /// # Errors
     ///
-    /// [`Busy`] while the previous message is under way: the caller should try again at the next tick.
+    /// [`Busy`] while the previous message is being sent. The caller should try again at the next tick.
     fn transmit(&mut self, message: &Message) -> Result<(), Busy>;
 }
 

@@ -40,18 +40,18 @@ pub const HOLD_US: u16 = 20;
 pub const FILLER: u8 = 0xFF;
 
 const _: () = assert!(TRANSFER.is_multiple_of(4) && RING >= 2 * TRANSFER);
-// At least 1 ms lies between two selections of the receiver.
+// Between two selections of a receiver on SPI there must be at least 1 ms.
 const _: () = assert!(
     SETUP_US as u64 + HOLD_US as u64 + TRANSFER as u64 * 8 * 1_000_000 / crate::timing::GNSS_SPI_HZ as u64
         <= 1_000 * profile::CYCLE_MS as u64 - 1_000 - 1_000
 );
-// A byte takes at least 8 µs, and the clock has at most 5.5 MHz.
+// On SPI a byte must take at least 8 µs, and the clock may have 5.5 MHz at most.
 const _: () = assert!(crate::timing::GNSS_SPI_HZ / 8 <= 125_000 && crate::timing::GNSS_SPI_HZ <= 5_500_000);
 
-/// What the code that accesses the registers has to do next.
+/// What the code that accesses the SPI registers has to do next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
-    /// Do nothing.
+    /// There is nothing to do.
     Nothing,
     /// Lower chip select, and call [`Polling::elapsed`] in [`SETUP_US`].
     Select,
@@ -61,7 +61,7 @@ pub enum Order {
     Hold,
     /// Raise chip select, and take the bytes of the transfer.
     Finish,
-    /// Stop both DMA streams, raise chip select, and set the peripheral up anew. The transfer brought no bytes.
+    /// Stop both DMA streams, raise chip select, and reset the peripheral. The transfer has brought no bytes.
     Abort,
 }
 
@@ -78,7 +78,7 @@ enum State {
 pub struct Polling {
     state: State,
     backlog: Backlog,
-    /// Whether the previous transfer brought bytes of the receiver.
+    /// Whether the previous transfer has brought bytes of the receiver.
     brought: bool,
     timed_out: u32,
     recoveries: u32,
@@ -91,7 +91,7 @@ impl Default for Polling {
 }
 
 impl Polling {
-    /// Returns the state before the first transfer.
+    /// Returns the state before the first transfer of a receiver on SPI.
     #[must_use]
     pub const fn new() -> Self {
         Self { state: State::Idle, backlog: Backlog::new(1), brought: false, timed_out: 0, recoveries: 0 }
@@ -103,13 +103,13 @@ impl Polling {
         self.timed_out
     }
 
-    /// Returns how often the peripheral was set up anew (wraps).
+    /// Returns how often the SPI peripheral was set up again after a failed transfer (wraps).
     #[must_use]
     pub const fn recoveries(&self) -> u32 {
         self.recoveries
     }
 
-    /// Whether no transfer is under way, so that the outgoing bytes may be changed.
+    /// Whether no transfer is in progress, so that the outgoing bytes may be changed.
     #[must_use]
     pub fn is_idle(&self) -> bool {
         self.state == State::Idle
@@ -127,7 +127,7 @@ impl Polling {
         }
     }
 
-    /// Serves the end of the time that the last order has requested.
+    /// Serves the timer, when the time that the last [`Order`] requested is over.
     pub fn elapsed(&mut self) -> Order {
         match self.state {
             State::Selected => {
@@ -151,7 +151,7 @@ impl Polling {
         Order::Hold
     }
 
-    /// Whether the bytes of the transfer that has ended are to be dropped ([`Backlog`]).
+    /// Whether the bytes of the transfer that has ended are old, and so are to be dropped ([`Backlog`]).
     #[must_use]
     pub const fn is_old(&self) -> bool {
         self.backlog.is_old()
@@ -194,20 +194,21 @@ enum Place {
     Filler(u8),
     /// The filter has taken the first of a message's two sync bytes.
     Sync,
-    /// The filter has taken this many bytes of class, identifier and length; the second value is the length so far.
+    /// The filter has taken this many bytes of class, identifier and length. The second value is the message's length
+    /// as far as it is known.
     Header(u8, u16),
     /// The filter is inside a message, of which this number of bytes of payload and checksum are left.
     Body(u16),
 }
 
 impl Filter {
-    /// Returns a filter that is outside of any message.
+    /// Returns a filter that has seen no byte, and so is outside of any message.
     #[must_use]
     pub const fn new() -> Self {
         Self(Place::Outside)
     }
 
-    /// Whether the filter is outside of a message, where a [`FILLER`] byte is filler.
+    /// Whether the filter is outside of any message. Only there is a byte of value [`FILLER`] filler.
     #[must_use]
     pub fn is_outside(self) -> bool {
         matches!(self.0, Place::Outside | Place::Filler(_))
@@ -216,8 +217,8 @@ impl Filter {
     /// The number of filler bytes in a row that mean no more data; a single 0xFF may be noise.
     pub const NOTHING_MORE: u8 = 4;
 
-    /// Whether the last [`Self::NOTHING_MORE`] bytes were filler. A 0xFF inside a message is not filler, and neither is
-    /// the last byte of a length that is too great for the message to be followed.
+    /// Whether the last [`Self::NOTHING_MORE`] bytes were filler. A 0xFF inside a message is not filler. Neither is the
+    /// last byte of a length that is too great for the message to be followed.
     #[must_use]
     pub fn has_nothing_more(self) -> bool {
         self.0 == Place::Filler(Self::NOTHING_MORE)
@@ -342,7 +343,7 @@ mod tests {
             (0..count).map(|_| (filter.keeps(FILLER), filter.has_nothing_more())).collect::<Vec<_>>()
         };
         let [more, no_more] = [(false, false), (false, true)];
-        // Length bytes of 0xFF are not filler, although a message of that length is too long to be followed.
+        // A message whose length bytes are 0xFF is too long to be followed, but these length bytes are not filler.
         let mut filter = Filter::new();
         for byte in [0xB5, 0x62, 0x01, 0x07, 0xFF, 0xFF].repeat(50) {
             assert!(filter.keeps(byte) && !filter.has_nothing_more(), "{byte:#04x}");
@@ -367,7 +368,7 @@ mod tests {
             assert!([0xB5, 0x62, 0x01, 0x07, low, high].into_iter().all(|byte| filter.keeps(byte)));
             filter.keeps(FILLER)
         };
-        // Sync, class, identifier and length are six bytes, and the checksum is two.
+        // In a message, sync, class, identifier and length are six bytes, and the checksum is two.
         assert!(is_followed(0) && is_followed(248));
         assert!(!is_followed(249) && !is_followed(0x0107) && !is_followed(u16::MAX));
     }
@@ -391,7 +392,7 @@ mod tests {
     #[test]
     fn bytes_that_waited_stay_old_while_only_filler_comes() {
         let mut polling = Polling::new();
-        // The stuck line works again; old bytes come in two transfers; then silence, a message and silence follow.
+        // The stuck line works again. Old bytes come in two transfers, then silence, a message, and silence.
         for (brought, is_empty, is_old) in [
             (false, true, true),
             (false, true, true),

@@ -50,13 +50,13 @@ impl From<Levels> for Says {
     }
 }
 
-/// One input, with the rules that suppress short changes of its levels.
+/// One input with its pair of pins, and the rules that suppress short changes of its levels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Pair {
-    /// The value that was accepted last; `None` until the pair has settled for the first time.
+    /// The value of the pair that was accepted last; `None` until the pair has settled for the first time.
     taken: Option<Says>,
     last: Option<Says>,
-    /// The number of samples in a row with the same value, at most [`SAMPLES_TO_TAKE`].
+    /// The number of samples in a row that have had the same value, at most [`SAMPLES_TO_TAKE`].
     same: u8,
     /// The number of samples since a value was last accepted, at most [`SAMPLES_UNSETTLED`].
     unsettled: u8,
@@ -84,28 +84,29 @@ pub struct StateInputs {
     pairs: [Pair; INPUTS],
 }
 
-/// HORUS's state while an input is active, in the order of the inputs.
+/// The state of HORUS that each active input means, in the order of the inputs.
 const STATES: [HorusState; INPUTS] =
     [HorusState::SwitchedToRedundant, HorusState::MotorsCut, HorusState::EmergencyFired];
 
 impl StateInputs {
-    /// Returns the inputs in the state in which none has settled yet.
+    /// Returns the state before the first sample, in which no input has settled yet.
     #[must_use]
     pub const fn new() -> Self {
         const UNKNOWN: Pair = Pair { taken: None, last: None, same: 0, unsettled: 0 };
         Self { pairs: [UNKNOWN; INPUTS] }
     }
 
-    /// Takes the levels of all inputs, once in each cycle.
+    /// Takes one sample of the levels of all inputs. To be called once in each cycle.
     pub fn sample(&mut self, levels: [Levels; INPUTS]) {
         for (pair, levels) in self.pairs.iter_mut().zip(levels) {
             pair.sample(levels.into());
         }
     }
 
-    /// Returns HORUS's state: that of the most severe input that is active or a contradiction. If there is none, the
-    /// voted position decides: monitoring if there is one (`is_located`), position lost if there was one before
-    /// (`was_located`), otherwise starting. Until each input has settled for the first time the state is starting too.
+    /// Returns HORUS's state: that of the most severe input that is active or a contradiction. If all inputs are
+    /// inactive, the voted position decides: monitoring if there is one (`is_located`), position lost if there was one
+    /// before (`was_located`), otherwise starting. The state is also starting until each input has settled for the
+    /// first time.
     #[must_use]
     pub fn state(&self, was_located: bool, is_located: bool) -> HorusState {
         let is_known = self.pairs.iter().all(|pair| pair.taken.is_some());
@@ -147,7 +148,7 @@ mod tests {
         Levels { active, inactive }
     }
 
-    /// Returns the state after each of these samples of the motor cut, while the other two inputs are inactive.
+    /// Returns HORUS's state after each sample of the motor cut, while the other two inputs are inactive.
     fn of_motor_cut(samples: &[Says]) -> Vec<HorusState> {
         let mut inputs = StateInputs::new();
         let step = |says: &Says| {
@@ -189,10 +190,12 @@ mod tests {
     #[test]
     fn a_pair_that_does_not_settle_is_a_contradiction_after_ten_samples() {
         let [i, a] = [Inactive, Active];
-        // The pair changes from the start on: nine samples do not decide, and the tenth makes a contradiction.
+        // The pair's value changes with every sample from the start. Nine samples decide nothing, and the tenth makes a
+        // contradiction.
         let chatter = [i, a, i, a, i, a, i, a, i, a];
         assert_eq!(of_motor_cut(&chatter)[8..], [Starting, InputsContradict]);
-        // The pair settles; then at most two samples in a row agree. A contradiction lasts until the pair settles.
+        // The pair settles, then at most two samples in a row agree. The contradiction lasts until the pair settles
+        // again.
         let samples: Vec<Says> = [i, i, i].into_iter().chain([a, a, i, i, a, a, i, i, a, a, i, i, i]).collect();
         let states = of_motor_cut(&samples);
         assert_eq!(states[11], Monitoring, "the ninth");
@@ -246,7 +249,8 @@ mod tests {
     }
 
     proptest! {
-        /// Three equal samples in a row decide, and ten samples without three such are a contradiction.
+        /// Three equal samples in a row set the value. Ten samples without three equal ones in a row are a
+        /// contradiction.
         #[test]
         fn a_pair_follows_the_rule(samples in proptest::collection::vec(says(), 1..60)) {
             let mut pair = Pair::default();

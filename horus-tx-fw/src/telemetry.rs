@@ -61,7 +61,7 @@ pub struct Telemetry {
     /// The longest time to fill and seal a profile, core cycles (144 MHz).
     pub worst_fill_cycles: Counter,
     /// The shortest time from a slot's compare match to the command's byte in the SPI's transmit register, timer ticks
-    /// (72 MHz). The difference to the longest such time is the jitter.
+    /// (72 MHz). The longest such time minus the shortest is the jitter.
     pub best_fire_ticks: Counter,
     /// The longest time from a slot's compare match to the command's byte in the SPI's transmit register, timer ticks.
     pub worst_fire_ticks: Counter,
@@ -73,20 +73,22 @@ pub struct Telemetry {
     pub without_crystal: Counter,
     /// Why the firmware stopped itself before this start: a code of `firmware_common::last_stop`; 0 if it did not.
     pub last_stop: Counter,
-    /// Passes of the patrol over flash.
+    /// Passes of the memory checks over flash.
     pub flash_passes: Counter,
-    /// Passes of the patrol over the RAM in use.
+    /// Passes of the memory checks over the RAM in use.
     pub ram_passes: Counter,
-    /// How often a word of the RAM in use did not hold what was written to it.
+    /// How often a word of the RAM in use did not hold the value that was written to it.
     pub ram_errors: Counter,
     /// Frames during which the front end's FIFO ran dry or overflowed.
     pub fifo_errors: Counter,
     /// The sources of GPS1 to GPS5; the counts of receivers that are not fitted stay zero.
     pub sources: [Source; MAX_RECEIVERS],
-    /// Frames sent whose end (I_txe) the chip did not report: their time was over, and the FIFO was empty.
+    /// Frames whose end (I_txe) the chip did not report. They count as sent, since their time was over and the FIFO was
+    /// empty.
     pub frames_unconfirmed: Counter,
-    /// The last register of the front end that did not read as it was set; 0 if none. Bits 23 to 16 are its address
-    /// (with 0x40 in space B), then come the value that was set and the value that was read.
+    /// The last register of the front end that read back another value than the one set; 0 if none did. Bits 23 to 16
+    /// are its address (with 0x40 in space B), bits 15 to 8 the value that was set, bits 7 to 0 the value that was
+    /// read.
     pub rf_register: Counter,
 }
 
@@ -127,5 +129,5 @@ impl Telemetry {
 }
 
 const _: () = assert!(size_of::<Telemetry>() == 4 * (10 + 7 * MAX_RECEIVERS + 7 + 4 * MAX_RECEIVERS + 2));
-// The bench and debuggers find the counters at these offsets.
+// The bench and debuggers rely on this offset of the counters.
 const _: () = assert!(core::mem::offset_of!(Telemetry, lines) == 40);

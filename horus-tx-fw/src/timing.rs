@@ -44,8 +44,8 @@ pub const GNSS_I2C_LOW_NS: u32 = 2_000;
 
 /// The number of timer ticks in a µs.
 pub const TICKS_PER_US: u32 = TIMER_HZ / 1_000_000;
-/// The timer ticks of a µs of the front end's waits on the internal oscillator, which is up to 4.5 % fast (DS9405). No
-/// wait may end early: that would cut a frame off.
+/// The timer ticks that make a µs of the front end's waits on the internal oscillator, which is up to 4.5 % fast
+/// (DS9405). A wait that ended early would cut a frame off.
 pub const INTERNAL_TICKS_PER_US: u32 = TICKS_PER_US + TICKS_PER_US.div_ceil(20);
 /// The number of timer ticks in a cycle: 720 000, exactly 10 ms.
 pub const PERIOD_TICKS: u32 = TIMER_HZ / 1_000 * profile::CYCLE_MS;
@@ -61,21 +61,21 @@ pub const GAP_US: u32 = 320;
 /// 6 µs on the bench's fast clock, and 13 µs on its pessimistic clock.
 const FILL_US: u32 = 10 + 14 * (1 + RECEIVERS as u32);
 
-/// The time that is allowed for starting the load of a frame's head and for the interrupt at its end, µs.
+/// The time allowed for starting the load of a frame's head, and for the interrupt at the end of that load, µs.
 const LOAD_START_US: u32 = 10;
 
 /// The time allowed between two frames of a cycle besides the loads, µs: status of the first frame's end, checks of the
 /// chip, clear, length, status (27 bytes in six transfers, 27 µs at 9 MHz), and seven interrupts.
 const BETWEEN_FRAMES_US: u32 = 120;
 
-/// The longest time from a frame's slot until the load of the frame's rest begins, µs: one interrupt. No other
-/// interrupt of the same priority or above takes longer than a few µs.
+/// The longest time from a frame's slot until the load of the frame's rest begins, µs: the time of one interrupt. All
+/// interrupts of the same or a higher priority take a few µs at most.
 const REST_STARTS_US: u32 = 40;
 
 /// Returns the length of frame `frame`'s payload, bytes.
 ///
 /// # Panics
-/// Panics if there is no such frame; at compile time with a constant argument.
+/// Panics if the frame does not exist; for a constant argument, the build fails.
 #[must_use]
 pub const fn payload(frame: usize) -> usize {
     match Place::of_frame::<RECEIVERS>(frame) {
@@ -87,7 +87,7 @@ pub const fn payload(frame: usize) -> usize {
 /// Returns the air time of frame `frame`, µs, rounded up.
 #[must_use]
 pub const fn air_us(frame: usize) -> u32 {
-    // The length is at most `profile::air::LONGEST_PAYLOAD`, which is less than 256.
+    // The payload's length fits a byte, because it is at most `profile::air::LONGEST_PAYLOAD`.
     air::air_time_ns(payload(frame) as u8).div_ceil(1_000) as u32
 }
 
@@ -124,7 +124,7 @@ const fn earliest_slot_us(frame: usize) -> u32 {
     })
 }
 
-// The profile's slots are the earliest possible ones: the work before each slot fits, and no time is wasted.
+// The profile's slots are the earliest possible ones: the work before each slot just fits.
 // Shows TIME-4.
 const _: () = {
     let mut frame = 0;
@@ -148,7 +148,8 @@ pub const SLOT_TICKS: [u32; FRAMES] = {
 /// The time after the tick, µs, from which only the end of the cycle's last frame is due, which is whole in the FIFO. A
 /// log message may then mask interrupts for a few µs without moving a slot.
 pub const QUIET_FROM_US: u32 = SLOT_US[FRAMES - 1] + REST_STARTS_US + load_us(payload(FRAMES - 1) - HEAD) + 20;
-/// The time after the tick until which a log message may begin, µs: it then ends long before the next tick.
+/// The time after the tick until which a log message may begin, µs. A message that begins by then ends long before the
+/// next tick.
 pub const QUIET_UNTIL_US: u32 = 1_000 * profile::CYCLE_MS - 200;
 
 /// The watchdog's time, ms at the nominal 32 kHz of its oscillator (LSI).
@@ -160,8 +161,8 @@ const WATCHDOG_COUNTS: u32 = WATCHDOG_MS * 32 / 4;
 /// The value of the watchdog's reload register. The watchdog resets one count after it has reached 0 (RM0090 21.3).
 pub const WATCHDOG_RELOAD: u32 = WATCHDOG_COUNTS - 1;
 
-/// The watchdog's time from the reset until it is first fed, ms at the nominal 32 kHz: it starts from the reset value
-/// of its reload register (RM0090 21.3.1). With LSI at 17 to 47 kHz this time is 348 to 964 ms.
+/// The watchdog's time from the reset until it is first fed, ms at the nominal 32 kHz. The watchdog counts from the
+/// reset value of its reload register then (RM0090 21.3.1). With LSI at 17 to 47 kHz this time is 348 to 964 ms.
 pub const FIRST_WATCHDOG_MS: u32 = 4_096 * 4 / 32;
 
 /// The watchdog's shortest time, ms: it is 68 to 190 ms, since LSI runs at 17 to 47 kHz (DS9405).
@@ -209,17 +210,17 @@ pub const fn now_ms(before: u32, count: u32, due: bool, after: u32) -> u32 {
     timestamp(tick).wrapping_add(within)
 }
 
-// The divisions of the clocks are exact, so the cycle is exactly 10 ms.
+// All clocks follow from each other by exact division, so a cycle is exactly 10 ms.
 // Shows TIME-1.
 const _: () = assert!(TIMER_HZ.is_multiple_of(1_000_000) && PERIOD_TICKS == 720_000);
 const _: () = assert!(CORE_HZ == 4 * APB1_HZ && CORE_HZ == 2 * APB2_HZ && SPI_HZ <= 10_000_000);
-// The constants are those of DS13541 and of the design for the air; a change of either fails here.
+// The air times follow from DS13541 and from the design. If either changes, this assertion fails.
 const _: () = assert!(air::air_time_ns(244) == 4_814_159 && air::air_time_ns(254) == 5_002_950);
-// The last frame has ended, and its receiver has had its gap, before the next cycle's first frame starts.
+// Between the last frame's end and the next cycle's first frame, the receiver has the whole gap to empty its FIFO.
 const _: () = assert!(SLOT_US[FRAMES - 1] + air_us(FRAMES - 1) + GAP_US <= 1_000 * profile::CYCLE_MS + SLOT_US[0]);
-// The frame and the gap even end before the next tick, so that a cycle's load never meets the previous frame.
+// The last frame and the gap end before the next tick, so a cycle's load never meets the previous cycle's frame.
 const _: () = assert!(SLOT_US[FRAMES - 1] + air_us(FRAMES - 1) + GAP_US <= 1_000 * profile::CYCLE_MS);
-// The head of the second frame can be loaded in the gap.
+// The head of the second frame can be loaded in the gap after the first frame.
 const _: () = assert!(FRAMES == 1 || BETWEEN_FRAMES_US + LOAD_START_US + load_us(HEAD) <= GAP_US);
 // The FIFO never runs dry: the load of a frame's rest begins before the head has been sent, and is faster than the air.
 const _: () = match poller::rest_within_us(SPI_HZ) {
@@ -245,7 +246,8 @@ mod tests {
         assert_eq!(air::send_slot_us::<RECEIVERS>(FRAMES), None);
     }
 
-    /// Returns ticks served, counter and update flag at `instant`, if each tick is served `late` counts after it.
+    /// Returns the number of ticks served, the counter and the update flag at `instant`, if each tick is served `late`
+    /// counts after it.
     fn at(instant: u32, late: u32) -> (u32, u32, bool) {
         let (cycle, count) = (instant / PERIOD_TICKS, instant % PERIOD_TICKS);
         let served = if cycle > 0 && count < late { cycle - 1 } else { cycle };

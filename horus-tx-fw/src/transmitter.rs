@@ -6,8 +6,8 @@
 //! the hardware, whose interrupts call [`Transmitter::poll`]. The transmitter owns the executor: it decides which frame
 //! the state machine prepares and loads, and when. No task ever waits for the SPI.
 //!
-//! When a frame was sent, the chip is prepared at once for the next one, so that only its head is loaded after the
-//! tick.
+//! Once a frame was sent, the chip is prepared for the next one. So after the tick only the frame's head has to
+//! be loaded.
 //!
 //! The command that starts a frame must be sent at an exact instant. When the frame's head is loaded, the transmitter
 //! *arms* a [`Ticket`], which says for which cycle and frame the head was loaded, and starts no other transfer. The
@@ -47,7 +47,7 @@ impl Ticket {
         self.0
     }
 
-    /// Makes a ticket from one word.
+    /// Makes a ticket from its word, which [`word`](Self::word) returned.
     #[must_use]
     pub const fn from_word(word: u32) -> Self {
         Self(word)
@@ -68,9 +68,9 @@ impl Ticket {
 /// What happened in a slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Slot {
-    /// The number, in its cycle, of the frame to which the slot belongs.
+    /// The number of the slot's frame within its cycle.
     pub frame: usize,
-    /// The byte clocked in while the command was sent; `None` if no frame was fired.
+    /// The byte that came in while the command was sent; `None` if no frame was fired.
     pub fired: Option<u8>,
 }
 
@@ -78,7 +78,7 @@ pub struct Slot {
 pub trait FrontEndPort: executor::Port {
     /// Makes `profile` the one from which frames are loaded. Never called while a load is under way.
     fn deposit(&mut self, profile: &Profile<RECEIVERS>);
-    /// Makes these bytes of the profile the frame that is loaded.
+    /// Makes the range `frame` of the profile's bytes the frame to load.
     fn point_at(&mut self, frame: Range<usize>);
     /// Hands a ticket to the slot's interrupt.
     fn arm(&mut self, ticket: Ticket);
@@ -88,11 +88,11 @@ pub trait FrontEndPort: executor::Port {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Turn {
-    /// The executor has to act: a transfer or a wait is under way.
+    /// A transfer or a wait of the executor is in progress.
     Executor,
-    /// The cycle has to act: the chip is prepared for a frame, and there is nothing to send.
+    /// The chip is prepared for a frame, and waits until a cycle has one to send.
     Cycle,
-    /// The slot's interrupt has to act: a frame whose head is loaded waits for its slot.
+    /// A frame whose head is loaded waits for the interrupt of its slot.
     Slot,
 }
 
@@ -102,10 +102,10 @@ pub struct Transmitter<'a, P> {
     telemetry: &'a Telemetry,
     turn: Turn,
     tick: u32,
-    /// The index of the frame to load next; [`FRAMES`] if there is none.
+    /// The index of the next frame to load; [`FRAMES`] if all frames of the cycle were loaded.
     next: usize,
     prepared: usize,
-    /// The tick and frame whose head was loaded last.
+    /// The tick and the index of the frame whose head was loaded last.
     sending: (u32, usize),
     faulty: bool,
     fault: Option<Fault>,
@@ -130,15 +130,15 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
         transmitter
     }
 
-    /// Offers the profile of tick `tick`, which replaces the unsent frames of the previous profile. If the chip is not
-    /// prepared yet, the profile's frames are loaded later, if that is in time for their slots.
+    /// Offers the profile of tick `tick`, whose frames replace the unsent frames of the previous profile. If the chip
+    /// is not prepared yet, the profile's frames are loaded later, if that is in time for their slots.
     ///
     /// Returns false, and takes nothing, if a frame of an earlier cycle is being loaded or was fired just now (so late
     /// that this cycle's slot is lost anyway), because that frame's bytes must not change.
     pub fn offer(&mut self, tick: u32, profile: &Profile<RECEIVERS>) -> bool {
         let kept = match self.turn {
             Turn::Executor => self.executor.is_loading(),
-            // If the frame's ticket can no longer be taken back, the frame was fired.
+            // A ticket that cannot be taken back has already fired its frame.
             Turn::Slot => !self.executor.port().disarm(),
             Turn::Cycle => false,
         };
@@ -165,7 +165,7 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
         self.serve(event);
     }
 
-    /// Takes the result of a slot that has passed.
+    /// Takes the result of a slot that has passed: which frame the slot was for, and whether a command was sent.
     pub fn slot(&mut self, slot: Slot) {
         self.next = self.next.max(slot.frame + 1);
         match (slot.fired, self.turn) {
@@ -173,18 +173,19 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
                 let event = self.executor.go_on(|poller| poller.step(Input::Done(&[response])));
                 self.serve(event);
             }
-            // The ticket was for another slot: that frame is dropped, and the next one follows.
+            // The loaded frame was meant for another slot, so it is dropped, and the next frame follows.
             (None, Turn::Slot) if self.sending != (self.tick, self.next) => {
                 self.executor.port().disarm();
                 let event = self.executor.resume();
                 self.serve(event);
             }
-            // A slot polls once a cycle even without an event, so that a lost edge of the interrupt is noticed.
+            // Every slot polls the executor, even without an event, so that a lost edge of the front end's IRQ is
+            // noticed.
             _ => self.poll(),
         }
     }
 
-    /// Returns the last fault of the front end since the last call, for the log.
+    /// Returns the last fault of the front end that was not returned before, for the log.
     pub fn take_fault(&mut self) -> Option<Fault> {
         self.fault.take()
     }
@@ -194,15 +195,16 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
         self.executor.port()
     }
 
-    /// Prepares the chip for the frame that is due next: one of this cycle, or the first one of the next cycle.
+    /// Prepares the chip for the next frame: one of this cycle, or the first one of the next cycle.
     fn prepare(&mut self) -> Option<PollerEvent> {
         self.prepared = if self.next < FRAMES { self.next } else { 0 };
         let length = payload(self.prepared);
-        // If the state machine refuses, it is given a failure event, which it reports and recovers from.
+        // If the state machine refuses, it is given a failure, which it reports and recovers from.
         self.executor.go_on(|poller| poller.prepare(length).unwrap_or_else(|_| poller.step(Input::Failed)))
     }
 
-    /// Starts the load of the next frame when the chip is prepared for a frame and there is one to send.
+    /// Starts the load of the next frame. To be called when the chip is prepared for a frame; does nothing if there is
+    /// none to send.
     fn prepared(&mut self) -> Option<PollerEvent> {
         if self.prepared != self.next {
             return self.prepare();
@@ -214,8 +216,8 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
         self.executor.resume()
     }
 
-    /// Serves an event and the events that follow from it at once: at most three, since the state machine asks for a
-    /// transfer or a wait after every event but a fault.
+    /// Serves an event of the state machine and those that follow from it at once. There are at most three, since the
+    /// state machine requests a transfer or a wait after every event but a fault.
     fn serve(&mut self, mut event: Option<PollerEvent>) {
         while let Some(happened) = event {
             event = match happened {
@@ -238,7 +240,7 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
                     self.executor.port().arm(Ticket::new(tick, frame, command));
                     return;
                 }
-                // The frame was loaded too late for its slot, and is dropped.
+                // This frame was loaded too late for its slot, so it is dropped.
                 PollerEvent::Loaded => self.executor.resume(),
                 PollerEvent::Sent { confirmed } => {
                     self.telemetry.frames_sent.add(1);

@@ -99,12 +99,13 @@ fn reported_position_is_the_majoritys_and_the_outvoted_is_excluded() {
     assert_eq!(reported.altitude, 512.345);
     assert_eq!(reported.acceleration, [0.01, 0.02, 0.03]);
     assert_eq!([reported.pitch, reported.yaw, reported.roll], [gps[1].pitch, gps[1].yaw, gps[1].roll]);
-    // The bits mean: two receivers agree; position, attitude and acceleration valid; degraded; monitoring.
+    // The status bits mean: two receivers agree; position, attitude and acceleration valid; degraded; monitoring.
     assert_eq!(reported.status.bits(), 0b0111_1010 | 1 << 8);
-    // The bits mean: 3D fix, position valid, heard, excluded. The receiver's own object still has its values.
+    // The status bits mean: 3D fix, position valid, heard, excluded. An excluded receiver's own object still has its
+    // values.
     assert_eq!(gps[0].status.bits(), 0x0293);
     assert_eq!(gps[0].latitude, 1e-7);
-    // The bits mean: 3D fix; position, attitude and acceleration valid; heard.
+    // The status bits mean: 3D fix; position, attitude and acceleration valid; heard.
     assert_eq!(gps[1].status.bits(), 0xF3);
 }
 
@@ -127,7 +128,8 @@ fn one_receiver_of_three_gives_no_position() {
 #[test]
 fn a_position_is_brought_to_the_tick_by_its_velocity() {
     let moving = NavPvt { velocity: [10_000, 0, -2_000], ..NavPvt::GOOD };
-    // At the tick the position is older by 60 ms and the latency of 50 ms: 1.1 m north, 0.22 m up.
+    // At the tick the receiver's position is 110 ms old: 60 ms since its arrival, and the latency of 50 ms. So it is
+    // moved 1.1 m north and 0.22 m up.
     let (reported, [gps]) = read(&Cycle::new().voted_and_filled(7, &[heard(&[moving.bytes()], 10)]));
     assert_eq!(gps.latitude, 47.498_765_4);
     assert!(((reported.latitude - gps.latitude) * 111_180.0 - 1.1).abs() < 1e-3);
@@ -241,9 +243,10 @@ fn an_active_input_is_the_state_with_a_position_and_without() {
     }
 }
 
-/// Returns the status of Reported-Position and of GPS1 when the solution of `arrived` is `age` ms old.
+/// Returns the status of Reported-Position and of GPS1 at a tick. The solution that `arrived` returns is `age` ms old
+/// then.
 fn status_at(arrived: impl Fn(u32) -> Solution, age: u32) -> (ReportedStatus, GpsStatus) {
-    // The tick is fixed, and the arrival varies, so that every age in ms is possible.
+    // The tick is fixed and the solution's arrival varies, so that every age in ms is possible.
     let tick = 1_000;
     let (reported, [gps]) = read(&Cycle::new().voted_and_filled(tick, &[arrived(timestamp(tick) - age)]));
     (reported.status, gps.status)
@@ -252,7 +255,7 @@ fn status_at(arrived: impl Fn(u32) -> Solution, age: u32) -> (ReportedStatus, Gp
 // Shows REC-1.
 #[test]
 fn a_position_is_valid_for_one_period_and_150_ms() {
-    // After one message the period is not known yet, so it is assumed to be one second.
+    // After a single message the receiver's period is not known yet, so one second is assumed.
     for (age, valid) in
         [(0, true), (1_050, true), (1_149, true), (1_150, true), (1_151, false), (1_152, false), (9_000, false)]
     {
@@ -281,7 +284,8 @@ fn a_receiver_is_heard_for_250_ms() {
 
 #[test]
 fn each_kind_of_message_ages_by_its_own_period() {
-    // The position comes at 10 Hz, attitude at 2 Hz, acceleration at 5 Hz; the last three messages arrive together.
+    // The receiver sends the position at 10 Hz, attitude at 2 Hz and acceleration at 5 Hz. The last three messages
+    // arrive together.
     let arrived = |last: u32| {
         let mut receiver = Receiver::new();
         for (period, kind) in [(100, 0), (500, 1), (200, 2)] {
@@ -309,7 +313,7 @@ fn each_kind_of_message_ages_by_its_own_period() {
     assert_eq!(valid_until(|gps, reported| gps.position_valid() && reported.position_valid()), Some(250));
     assert_eq!(valid_until(|gps, _| gps.attitude_valid()), Some(650));
     assert_eq!(valid_until(|gps, _| gps.acceleration_valid()), Some(350));
-    // Only receivers that agree on the position count for attitude and acceleration.
+    // A receiver's attitude and acceleration count only while the receiver agrees on the position.
     assert_eq!(valid_until(|_, reported| reported.attitude_valid() && reported.acceleration_valid()), Some(250));
     assert_eq!(valid_until(|gps, _| !gps.stale()), Some(149));
 }
@@ -356,7 +360,7 @@ fn valid_after_the_end(period: u32, solutions: u32, repeats_its_last: bool) -> u
 
 #[test]
 fn reported_position_turns_invalid_in_time_after_the_last_solution() {
-    // Ticks are 10 ms apart, so the last tick with a valid position is at the limit itself.
+    // Ticks are 10 ms apart, so the last tick with a valid position is exactly at the age limit.
     assert_eq!(valid_after_the_end(1_000, 5, false), 1_150, "1 Hz");
     assert_eq!(valid_after_the_end(200, 20, false), 350, "5 Hz");
     assert_eq!(valid_after_the_end(100, 40, false), 250, "10 Hz");
@@ -432,7 +436,8 @@ fn who_was_excluded_before_a_restart_is_from_the_first_tick_on() {
     let start = Start { excluded: before.excluded(), ..Start::default() };
     let mut after = Cycle::<3>::after(start);
     assert_eq!(excluded(&after.fill(0, &[Solution::default(); 3])), [false, false, true]);
-    // The receiver agrees from now on, and has to do so for a second; in that second's last tick it is still excluded.
+    // The excluded receiver agrees from now on, and has to do so for a second. In that second's last tick it is still
+    // excluded.
     for tick in 1..=101 {
         let profile = after.voted_and_filled(tick, &[all(10 * tick), all(10 * tick), all(10 * tick)]);
         assert_eq!(excluded(&profile), [false, false, true], "tick {tick}");
@@ -452,7 +457,7 @@ fn a_solution_tells_its_age_in_steps_of_25_ms() {
     assert_eq!(came_since.status.solution_age_ms(), Some(0));
     let (_, [never]) = read(&Cycle::new().voted_and_filled(7, &[Solution::default()]));
     assert_eq!(never.status.solution_age_ms(), None);
-    // Attitude and acceleration do not count as a solution.
+    // A message with an attitude or an acceleration does not count as a solution.
     let (_, [no_position]) = read(&Cycle::new().voted_and_filled(7, &[heard(&[nav_att(1, [1; 3], [1; 3])], 70)]));
     assert_eq!(no_position.status.solution_age_ms(), None);
 }
@@ -463,7 +468,7 @@ fn a_very_old_solution_is_told_apart_from_none() {
     for bytes in NavPvt::GOOD.bytes().chunks(60) {
         receiver.receive(bytes, 0);
     }
-    // The time of the receiver's last message is dropped after a minute.
+    // A minute after the last message its time is dropped. The age must stay at its greatest value then.
     for minute in 1..5 {
         receiver.receive(&[], 60_010 * minute);
         let (_, [gps]) = read(&Cycle::new().voted_and_filled(6_001 * minute, &[*receiver.solution()]));
@@ -515,7 +520,7 @@ proptest! {
             prop_assert_eq!(gps.status.attitude_valid(), angles.iter().all(|angle| angle.is_finite()));
             prop_assert_eq!(gps.status.acceleration_valid(), gps.acceleration.iter().all(|axis| axis.is_finite()));
         }
-        // Five receivers that send the same values agree.
+        // Five receivers send the same values, so all of them agree.
         prop_assert_eq!(reported.status.position_valid(), gps[0].status.position_valid());
         prop_assert_eq!(reported.status.receivers_agreeing(), 5 * u8::from(gps[0].status.position_valid()));
         prop_assert_eq!(reported.status.position_valid(), reported.latitude.is_finite());

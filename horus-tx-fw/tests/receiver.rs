@@ -61,7 +61,7 @@ proptest! {
         prop_assert_eq!(given, accuracies.map(|said| decimal(said as i32, 3)));
     }
 
-    /// In every four messages in a row at least one follows the previous one without a loss.
+    /// Among any four messages in a row, at least one follows the previous one without a loss.
     #[test]
     fn messages_that_are_lost_now_and_then_do_not_lengthen_the_period(
         period in prop::sample::select(vec![25u32, 40, 100, 200, 250, 500, 1_000]),
@@ -126,7 +126,7 @@ proptest! {
 
     #[test]
     fn a_message_is_found_after_any_noise(noise in proptest::collection::vec(any::<u8>(), 0..600)) {
-        // Noise may begin a message that seems to go on. Zeros that fill the buffer end it.
+        // Noise may look like the beginning of a long message. Zeros that fill the parser's buffer end that message.
         let mut receiver = Receiver::new();
         feed(&mut receiver, &noise, 0);
         feed(&mut receiver, &[0; BUFFER + BYTES_PER_CALL], 0);
@@ -181,7 +181,7 @@ fn a_message_longer_than_the_buffer_costs_only_itself() {
 
 #[test]
 fn a_message_of_another_length_than_its_kind_has_is_not_used() {
-    // NAV-PVT of protocol 14 had 84 bytes of payload.
+    // In protocol 14, a NAV-PVT message had a payload of 84 bytes.
     let old = message(0x01, 0x07, &[0xFF; 84]);
     let receiver = fed(&old);
     assert_eq!(receiver.counts().messages, 1);
@@ -207,7 +207,7 @@ fn what_was_cut_off_is_no_message_once_the_line_is_silent() {
 
 #[test]
 fn a_false_start_hides_a_message_only_until_the_line_is_silent() {
-    // The bytes are the header of a message of 200 bytes, and then a whole message.
+    // The false start is the header of a message of 200 bytes. A whole message follows it at once.
     let mut receiver = Receiver::new();
     feed(&mut receiver, &[&[0xB5, 0x62, 0x01, 0x07, 200, 0], NavPvt::GOOD.bytes().as_slice()].concat(), 1_000);
     assert!(!receiver.solution().position.valid);
@@ -378,7 +378,7 @@ fn a_receiver_that_restarts_at_an_earlier_time_is_accepted_at_once() {
     let pace = receiver.solution().position.pace;
     assert_eq!(pace.period_ms(), 100);
     assert!(pace.is_current(110_000));
-    // The step back is not one of the four that make the period longer.
+    // A single step back of the time of week does not count among the four longer steps that make the period longer.
     let periods = [6_000, 7_000, 8_000, 9_000].map(|itow| {
         feed(&mut receiver, &NavPvt::at(itow).bytes(), 105_000 + itow);
         receiver.solution().position.pace.period_ms()
@@ -406,10 +406,10 @@ fn the_lag_is_the_arrival_less_the_time_of_week() {
         (0, week - 200, 200),
         (160, week - 100, 260),
         (300, 0, 300),
-        // A message with a repeated time of week brings nothing new.
+        // A message that repeats a time of week does not renew the solution.
         (900, 0, 300),
         (week + 1_050, 1_000, 50),
-        // No receiver sends such a time of week, beyond the end of the week.
+        // These times of week lie beyond the end of the week. No receiver sends them.
         (week + 2_000, 2 * week + 300, 1_700),
         (u32::MAX, 0, u32::MAX % week),
     ] {
@@ -451,8 +451,8 @@ fn a_silent_receiver_still_counts_as_silent_when_the_clock_wraps() {
     }
 }
 
-/// In recordings of real receivers, if there are any, the parser must find exactly the NAV-PVT messages that a plain
-/// search for sync bytes with its own checksum finds.
+/// In recordings of real receivers, the parser must find exactly those NAV-PVT messages that a plain search for sync
+/// bytes finds, which computes checksums by itself. Without recordings the test is skipped.
 #[test]
 fn recordings_of_real_receivers_are_read_in_full() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/ubx");

@@ -18,7 +18,7 @@ use st25r3916::{
 };
 use st25r3916_model::{AirEvent, Chip, Config, Space};
 
-/// The time of one byte at 9 MHz, ns, rounded up.
+/// The time that one byte takes on the SPI at 9 MHz, ns, rounded up.
 const BYTE_NS: u64 = 889;
 /// The time of a transfer's start and end, ns: an interrupt and its handler.
 const OVERHEAD_NS: u64 = 2_000;
@@ -43,7 +43,7 @@ struct Bench {
     frame: Range<usize>,
     hang: bool,
     aborted: u32,
-    /// The delay before the load of a frame's rest begins, ns.
+    /// The delay before the load of a frame's rest begins in the model, ns.
     rest_late_ns: u64,
 }
 
@@ -130,7 +130,7 @@ impl transmitter::FrontEndPort for Bench {
     }
 }
 
-/// A frame that was on the air: when it began, and its payload.
+/// The start and the payload of a frame that was on the air.
 struct Sent {
     at: u64,
     payload: Vec<u8>,
@@ -223,7 +223,7 @@ fn run_on(
                 AirEvent::FrameStart(start) => sent.push(Sent { at, payload: start.chunk.data }),
                 AirEvent::Bytes(chunk) => sent.last_mut().expect("it has started").payload.extend(chunk.data),
                 AirEvent::FrameEnd { bits } => {
-                    // The bits are those of the frame's LEN, payload and CRC-16.
+                    // `bits` counts the frame's LEN, payload and CRC-16.
                     let frame = sent.last_mut().expect("it has started");
                     assert!(frame.payload.len() * 8 >= bits as usize);
                     frame.payload.truncate(bits as usize / 8);
@@ -238,13 +238,14 @@ fn run_on(
     (sent, bench)
 }
 
-/// Whether `frame` has the length of a frame and every object in it is intact.
+/// Whether `frame` has a frame's length, and every object in it is intact.
 fn is_whole(frame: &Sent) -> bool {
     let objects = air::objects::<RECEIVERS>(&frame.payload);
     objects.is_ok_and(|mut objects| objects.all(|(index, bytes)| Object::verify(index, bytes).is_ok()))
 }
 
-/// Asserts that every object of `frame` is intact and of its cycle. Returns the cycle and the frame's number in it.
+/// Asserts that every object of `frame` is intact and belongs to the frame's cycle. Returns the cycle, and the frame's
+/// number in it.
 fn check(frame: &Sent) -> (u32, usize) {
     let tick = (frame.at / CYCLE_NS) as u32;
     let place = air::place::<RECEIVERS>(&frame.payload).expect("a length that a frame has");
@@ -265,7 +266,7 @@ fn every_cycle_after_bring_up_sends_its_own_profile_at_its_slots() {
     for tick in 1..=50 {
         expected.extend((0..FRAMES).map(|frame| (tick, frame)));
     }
-    // Bring-up takes 6 ms, so the first cycle may or may not find the chip ready.
+    // The front end's bring-up takes 6 ms, so the first cycle may or may not find the chip ready.
     let places: Vec<_> = sent.iter().map(check).collect();
     assert!(expected.ends_with(&places) && places.len() >= 49 * FRAMES, "{places:?}");
     let offsets: Vec<u64> = sent
@@ -290,7 +291,7 @@ fn every_cycle_after_bring_up_sends_its_own_profile_at_its_slots() {
 #[test]
 fn a_profile_offered_too_late_for_its_slot_is_never_sent() {
     let telemetry = Telemetry::new();
-    // The offer is late by half the time that the head's load takes, so the load is under way when its slot passes.
+    // The profile is offered so late that its slot passes while the frame's head is being loaded.
     let late = u64::from(SLOT_US[0]) * 1_000 - HEAD as u64 * BYTE_NS / 2;
     let (sent, _) = run(40, &telemetry, |tick, _| if tick == 20 || tick == 30 { late } else { PUNCTUAL });
     let places: Vec<_> = sent.iter().map(check).collect();
@@ -307,7 +308,7 @@ fn a_profile_offered_too_late_for_its_slot_is_never_sent() {
 #[test]
 fn a_frame_is_whole_if_its_rest_is_loaded_in_time() {
     let within_ns = u64::from(rest_within_us(9_000_000).expect("the SPI is the faster one")) * 1_000;
-    // In the model the air begins a few µs after the command; the driver does not rely on that time.
+    // In the model the frame begins a few µs after the command; the driver does not rely on that time.
     for (late_ns, dry) in [(within_ns - OVERHEAD_NS, false), (within_ns + 20_000, true)] {
         let telemetry = Telemetry::new();
         let (sent, bench) = run(40, &telemetry, |tick, bench| {
@@ -335,7 +336,7 @@ fn a_chip_that_loses_its_supply_sends_again_once_it_is_back() {
     });
     let places: Vec<_> = sent.iter().filter(|frame| !frame.payload.is_empty()).map(check).collect();
     assert!((20..25).all(|tick| !places.iter().any(|place| place.0 == tick)));
-    // The wait before the next bring-up takes at most 64 ms, and the bring-up 6 ms.
+    // Before the next bring-up of the chip the driver waits up to 64 ms, and the bring-up takes 6 ms.
     for tick in 34..=80 {
         assert!(places.contains(&(tick, 0)), "cycle {tick}");
     }
@@ -363,7 +364,7 @@ fn a_transfer_that_never_ends_is_given_up_after_a_millisecond() {
 #[test]
 fn a_cycle_that_offers_nothing_sends_nothing() {
     let telemetry = Telemetry::new();
-    // The offer comes after every slot of its cycle, as if the cycle's task had hung.
+    // The profile is offered after every slot of its cycle, as if the task `cycle` had hung.
     let (sent, _) = run(30, &telemetry, |tick, _| if tick == 20 { 9_999_000 } else { PUNCTUAL });
     let places: Vec<_> = sent.iter().map(check).collect();
     assert!(!places.iter().any(|place| place.0 == 20));

@@ -10,8 +10,8 @@
 //! bounds away from the truth, whatever the wrong receiver does. If all three receivers are members, the median lies
 //! between the two right ones or on one of them.
 //!
-//! There is a result at every tick as long as the two right receivers agree with each other. If they rarely disagree,
-//! nobody can tell which is right, and the run is only compared with the bound.
+//! While the two right receivers agree with each other, there is a result at every tick. If they disagree, which is
+//! rare, nobody can tell which of them is right, and the run is only compared with the bound.
 
 use std::sync::Arc;
 
@@ -19,11 +19,11 @@ use gnss_sim::{ubx, Flight, Geodetic, TangentPlane};
 use horus_tx_fw::{cycle::Cycle, receiver::Receiver, timing::timestamp};
 use profile::{GpsObject, ReportedPosition};
 
-/// The most that a right receiver is off over ground, m (see above).
+/// The greatest error over ground of a receiver that has not failed, m.
 const RIGHT_M: f64 = 9.0;
 /// The greatest distance of two receivers that agree, m: the ceiling of decision 15.
 const AGREE_M: f64 = 30.0;
-/// The most that a right receiver is off in height, m: five deviations of 1.4 to 1.9 m in one axis.
+/// The greatest error in height of a receiver that has not failed, m: five deviations of 1.4 to 1.9 m in one axis.
 const RIGHT_HEIGHT_M: f64 = 10.0;
 /// The greatest difference in height of two receivers that agree, m: the ceiling of decision 15.
 const AGREE_HEIGHT_M: f64 = 50.0;
@@ -34,9 +34,9 @@ enum Kind {
     Silence,
     /// The receiver repeats its last solution, time of week included.
     Frozen,
-    /// The receiver repeats its last solution at new times of week.
+    /// The receiver repeats its last position, but at new times of week.
     Stuck,
-    /// The receiver is suddenly 20 m to 5 km off.
+    /// The receiver's position is suddenly 20 m to 5 km off.
     Jump,
     /// The receiver's position moves away with 0.2 to 2 m/s.
     Drift,
@@ -95,7 +95,7 @@ impl Draw {
     }
 }
 
-/// One failure of a receiver, with all values that were drawn for it.
+/// The failure of one receiver, with all values that were drawn for it.
 struct Failure {
     kind: Kind,
     from_ns: u64,
@@ -169,7 +169,7 @@ impl Failure {
             }
             Kind::Checksum => {
                 let mut bytes = bytes;
-                // The change is in each message's payload, so that every message of the burst is damaged.
+                // Each message's payload is changed, so that every message of the burst is damaged.
                 let mut start = 0;
                 while start < bytes.len() {
                     let length = usize::from(u16::from_le_bytes([bytes[start + 4], bytes[start + 5]]));
@@ -268,7 +268,7 @@ struct Outcome {
     left_after_ms: Option<u32>,
     /// The number of ticks without a result after [`SETTLED_MS`].
     without: u32,
-    /// The number of ticks after [`SETTLED_MS`] at which the two right receivers did not agree in a vote of their own.
+    /// The number of ticks after [`SETTLED_MS`] at which the two right receivers would not agree if they voted alone.
     apart: u32,
     /// The number of ticks at which a right receiver was excluded.
     wronged: u32,
@@ -278,7 +278,7 @@ struct Outcome {
     unexplained: u32,
     /// The greatest error in height of all ticks with an altitude, m.
     worst_height_m: f64,
-    /// The number of ticks after [`SETTLED_MS`] with an attitude.
+    /// The number of ticks later than [`SETTLED_MS`] whose result has an attitude.
     oriented: u32,
     worst_heading: f64,
     /// The time from the failure to the first tick with a result that is farther from the truth than the bound, ms.
@@ -305,7 +305,7 @@ fn run(seed: u64, failures: &mut [(usize, Failure)]) -> Outcome {
     for tick in 0..(SECONDS * 100.0) as u32 {
         let now = timestamp(tick);
         for (index, (source, receiver)) in sources.iter_mut().zip(&mut receivers).enumerate() {
-            // A burst takes at most 4 ms on the line, and has arrived when its last byte has arrived.
+            // A receiver's burst takes at most 4 ms on the line, so it counts as arrived after that time.
             while let Some(burst) = source.next_if(|burst| burst.at_ns + 4_000_000 <= u64::from(now) * 1_000_000) {
                 let arrived = ((burst.at_ns + 4_000_000) / 1_000_000) as u32;
                 let mut bytes = burst.bytes;
@@ -355,7 +355,7 @@ fn run(seed: u64, failures: &mut [(usize, Failure)]) -> Outcome {
             };
             let error = off(reported.latitude, reported.longitude);
             outcome.worst_m = outcome.worst_m.max(error);
-            // A result beyond the bound can only come from two wrong receivers that agree with each other alone.
+            // A result beyond the bound is explained only by two wrong receivers that alone agree with each other.
             let of_two_wrong = failures.len() == 2 && agreeing == 2 && {
                 let wrong: Vec<_> = failures.iter().map(|(who, _)| &gps[*who]).collect();
                 wrong.iter().all(|gps| gps.status.position_valid() && !gps.status.excluded())
@@ -404,15 +404,16 @@ fn one_of_three(runs: u64) {
             assert_eq!(outcome.undegraded, 0, "{said}");
             assert!(outcome.worst_m <= RIGHT_M + AGREE_M, "{said}");
             assert!(outcome.worst_height_m <= RIGHT_HEIGHT_M + AGREE_HEIGHT_M, "{said}");
-            // If the right receivers disagree, nobody can tell which of them is right, so these checks are left out.
+            // If the two receivers that have not failed disagree, nobody can tell which of them is right, so no bound
+            // is checked.
             if outcome.apart == 0 {
                 assert_eq!((outcome.without, outcome.wronged), (0, 0), "{said}");
             }
             apart += u32::from(outcome.apart > 0);
             match kind {
                 Kind::Silence | Kind::Frozen | Kind::Checksum => {
-                    // A receiver stops taking part one period and 150 ms after its last message, which may be a period
-                    // old.
+                    // A silent receiver leaves the vote one period and 150 ms after its last message, which may be a
+                    // period old by then.
                     assert!(outcome.left_after_ms.is_some_and(|ms| ms <= 650), "{said}");
                     assert!(outcome.worst_m <= RIGHT_M, "right ones are left: {said}");
                 }
@@ -496,7 +497,7 @@ fn a_jump_of_all_receivers_is_held_back_for_a_second() {
         let mut failures: Vec<_> = (0..RECEIVERS).map(|who| (who, jump(who))).collect();
         let outcome = run(seed, &mut failures);
         assert_eq!(outcome.undegraded, 0, "{outcome:?}");
-        // The second receiver has jumped after at most its period, 125 ms or 200 ms, and its latency.
+        // The second receiver jumps at its next solution, after at most its period (125 or 200 ms) and its latency.
         assert!(outcome.far_after_ms.is_some_and(|ms| (1_000..1_400).contains(&ms)), "seed {seed}: {outcome:?}");
     }
 }

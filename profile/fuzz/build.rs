@@ -1,4 +1,4 @@
-//! Compiles the C client and its tape player, which the target `client` compares with the Rust one.
+//! Compiles the C client and the player of its tapes. The fuzz target `client` compares the C client with the Rust one.
 fn main() {
     let files = ["../c/horus_dpr.c", "../c/tests/tape.c"];
     cc::Build::new().files(files).flag("-std=c11").warnings_into_errors(true).compile("horus_dpr");

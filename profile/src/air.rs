@@ -35,7 +35,7 @@ use core::iter::FusedIterator;
 
 use crate::{GpsObject, Identifier, Profile, Rejection, ReportedPosition};
 
-/// The longest payload that an NFC-F frame can have, bytes: LEN is one byte and counts itself.
+/// The longest payload that an NFC-F frame can have, bytes. LEN is a single byte, which counts itself.
 pub const MAX_PAYLOAD: usize = 254;
 
 /// The longest payload of a profile's frames, bytes: that of the only frame for three receivers.
@@ -47,8 +47,8 @@ pub const LEN_BYTES: usize = 1;
 /// The number of bytes after the payload: the CRC-16, which the chips add and check.
 pub const CRC_BYTES: usize = 2;
 
-/// The shortest time between the end of a frame and the start of the next frame, µs. In this time the listener reads
-/// the first frame from its FIFO and re-arms.
+/// The shortest time between the end of a frame and the start of the next frame, µs. The listener uses it to read the
+/// first frame from its FIFO and to re-arm.
 pub const MIN_GAP_US: u32 = 300;
 
 const _: () = assert!(LONGEST_PAYLOAD <= MAX_PAYLOAD);
@@ -57,7 +57,7 @@ const OVERHEAD_BITS: u64 = 48 + 16 + 8 + 16;
 
 const BIT_CARRIER_PERIODS: u64 = 32;
 
-/// The number of ns in 678 carrier periods, the shortest time that is a whole number both of ns and of periods.
+/// The ns in 678 carrier periods. No shorter time is a whole number both of ns and of periods.
 const NS_PER_678_PERIODS: u64 = 50_000;
 
 /// The air time of a frame with `payload` bytes, ns, from the first preamble bit to the last bit of the CRC-16.
@@ -79,8 +79,8 @@ const fn air_time_us(payload: usize) -> u32 {
 }
 
 /// The time, µs, from the tick to the transmit command of frame number `frame` of the cycle, for `N` receivers; `None`
-/// if there is no such frame. HORUS samples at the tick and sends at this time whatever the data, so the DPR can derive
-/// the sample's age from the end of its frame.
+/// if there is no such frame. HORUS samples at the tick, and sends at this time whatever the data. So the DPR can
+/// derive the sample's age from the end of its frame.
 ///
 /// | receivers | frame 1 | frame 2 |
 /// |---|---|---|
@@ -102,8 +102,8 @@ pub const fn send_slot_us<const N: usize>(frame: usize) -> Option<u32> {
     }
 }
 
-/// The age of a cycle's sample at the last bit of frame number `frame`, µs, rounded up: send slot plus air time. `None`
-/// if a profile of `N` receivers has no such frame.
+/// The age of a cycle's sample, µs, rounded up, at the last bit of frame number `frame`: send slot plus air time.
+/// `None` if a profile of `N` receivers has no such frame.
 ///
 /// ```
 /// assert_eq!(profile::air::age_at_end_us::<3>(0), Some(100 + 4_815));

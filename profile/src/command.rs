@@ -17,11 +17,11 @@ use crate::{
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Command {
-    /// Sets Port-Status's counters of uplinks, commands and access violations to 0, then counts this command as carried
-    /// out. Link-Status's total of access violations and the counters of faults continue.
+    /// Sets the counters of uplinks, commands and access violations in Port-Status to 0, then counts this command as
+    /// carried out. The total of access violations in Link-Status and the counters of faults are not cleared.
     ClearCounters,
-    /// Begins one whole check of the flash and of the RAM in use, in spare processor time. The command is refused while
-    /// such a check is under way.
+    /// Begins one whole check of the flash and of the RAM in use, in spare processor time. Refused while another such
+    /// check is in progress.
     SelfTest,
 }
 
@@ -54,7 +54,7 @@ pub struct CommandValues {
     pub word: u32,
 }
 
-/// A command object: 64 bytes. The last four are the frame CRC of the other 60.
+/// A command object of 64 bytes. The last four bytes are the frame CRC of the other 60.
 ///
 /// | bytes | |
 /// |---|---|

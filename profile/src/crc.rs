@@ -1,4 +1,4 @@
-//! The two CRC-32 of the profile, and the reasons for their byte order.
+//! The profile's two CRC-32, and the reasons for their byte order.
 //!
 //! **Polynomials** are the paper's (section 2.3), in Koopman's notation: the frame CRC 0xF8C9140A with Hamming distance
 //! 8, the position CRC 0x9D7F97D6 with Hamming distance 9. The paper states the first distance for 56 bytes of payload;
@@ -8,8 +8,8 @@
 //! would compute other, untested polynomials. Round-trip tests would still pass; only the check values reveal the
 //! mistake.
 //!
-//! **Start value and final XOR 0xFFFFFFFF.** With 0 for both, a buffer scrubbed to 0x00 would be a codeword wherever an
-//! object lies in it. As they are, neither 0x00 nor 0xFF throughout is a codeword at the length of any object.
+//! **Start value and final XOR 0xFFFFFFFF.** If both were 0, a buffer scrubbed to 0x00 would be a codeword wherever an
+//! object lies in it. With 0xFFFFFFFF, neither 0x00 nor 0xFF throughout is a codeword at the length of any object.
 //! (Eight bytes of 0xFF are a codeword, the only length at which this happens; see [`ssi`](crate::ssi).)
 //!
 //! **Most significant byte first.** NFC-F sends each byte's most significant bit first, and these CRCs are not
@@ -59,7 +59,7 @@ pub const FRAME_RESIDUE: u32 = 0x9D18_E2E0;
 /// The register of the position CRC after one pass over latitude, longitude and their intact CRC, before the final XOR.
 pub const POSITION_RESIDUE: u32 = 0x3C13_9B22;
 
-// A static, because a constant would be copied into every function that uses it.
+// The tables are a static, because a constant would be copied into every function that uses them.
 static FRAME_TABLE: FourTables = FourTables::new(&FRAME);
 static POSITION_TABLE: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&POSITION);
 
@@ -89,7 +89,7 @@ impl FourTables {
         Self(tables)
     }
 
-    /// Returns the CRC register after `bytes`; before them it is `register`.
+    /// Returns the CRC register after `bytes`, where `register` is the CRC register before them.
     fn update(&self, mut register: u32, bytes: &[u8]) -> u32 {
         let [behind_0, behind_1, behind_2, behind_3] = &self.0;
         let (words, rest) = bytes.as_chunks();
@@ -126,7 +126,7 @@ pub fn frame_of_words(words: impl Iterator<Item = u32>) -> u32 {
     frame_of_words_after(0, words)
 }
 
-/// The frame CRC of data followed by `words`, where `crc` is the frame CRC of the data; 0 stands for no data.
+/// Continues the frame CRC `crc` over `words` and returns the result. A `crc` of 0 stands for no data before them.
 ///
 /// ```
 /// use profile::crc::{frame_of_words, frame_of_words_after};
@@ -151,7 +151,7 @@ pub fn position(bytes: &[u8]) -> u32 {
     POSITION_TABLE.checksum(bytes)
 }
 
-/// The state of a frame CRC over an object whose bytes arrive in pieces.
+/// The state of a frame CRC over an object of which the bytes arrive in pieces.
 ///
 /// ```
 /// use profile::crc::Begun;

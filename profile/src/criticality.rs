@@ -184,7 +184,7 @@ impl fmt::Display for Criticality {
     }
 }
 
-/// A function of the system that writes objects, as a value. [`Role`] is the corresponding type.
+/// A function of the system that writes objects: the value for the type [`Role`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Function {
     /// The base station.
@@ -220,7 +220,7 @@ mod sealed {
     pub trait Sealed {}
 }
 
-/// A function of the system that writes objects, as a type. Only this module defines roles.
+/// A function of the system that writes objects, as a type. No other module can define a role.
 pub trait Role: sealed::Sealed + Copy + fmt::Debug + 'static {
     /// The role as a value of [`Function`].
     const FUNCTION: Function;
@@ -251,13 +251,13 @@ roles! {
     Dpr,
 }
 
-/// The role may send to the role `To`: a cell of the [table](self) that is not empty.
+/// The role may send to the role `To`, because the [table](self) has a cell for the two that is not empty.
 pub trait Sends<To: Role>: Role {
     /// The criticality of what the role sends to the role `To`.
     const CRITICALITY: Criticality;
 }
 
-/// Turns each line of input, a cell of the table, into an implementation of [`Sends`] and a result of [`criticality`].
+/// Turns each cell of the table, one a line, into an implementation of [`Sends`] and a result of [`criticality`].
 macro_rules! cells {
     ($($from:ident => $to:ident: $criticality:ident;)*) => {
         $(
@@ -293,7 +293,7 @@ cells! {
     FlightController => ActiveLoad: NonCritical;
     ActiveLoad => BaseStation: NonCritical;
     ActiveLoad => FlightController: NonCritical;
-    // A reader judges HORUS's objects by the DPR's own objects.
+    // The DPR's own objects are safety-relevant, because readers judge HORUS's objects by them.
     Dpr => BaseStation: SafetyRelevant;
     Dpr => FlightController: SafetyRelevant;
     FlightController => Dpr: NonCritical;

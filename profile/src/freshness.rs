@@ -7,18 +7,18 @@ use crate::CYCLE_MS;
 /// The relation of a timestamp to the one before it (paper, section 2.3).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Freshness {
-    /// The timestamp is the first; there is none before it.
+    /// The timestamp is the first one; there is none to compare it with.
     First,
     /// The timestamp is ahead by a whole number of cycles: the data are new.
     Fresh {
-        /// The number of cycles between the two timestamps that did not arrive.
+        /// The number of cycles between the two timestamps; their data did not arrive.
         missed: u32,
     },
-    /// The timestamp is the last one again: HORUS is frozen, or a frame was repeated.
+    /// The timestamp repeats the last one: HORUS is frozen, or a frame was repeated.
     Frozen,
-    /// The timestamp is behind: HORUS has restarted and counts from 0.
+    /// The timestamp is behind the last one: HORUS has restarted and counts from 0.
     Restarted,
-    /// The timestamp is ahead, but not by a whole number of cycles, which HORUS never sends.
+    /// The timestamp is ahead of the last one, but not by a whole number of cycles, which HORUS never sends.
     Irregular,
 }
 

@@ -36,8 +36,8 @@ pub struct GpsValues {
 }
 
 impl GpsValues {
-    /// Values at `timestamp`, ms, of a receiver that never had a solution: every value is NaN and every status bit is
-    /// clear, except those of the solution's age, which say so.
+    /// Returns the values at `timestamp`, ms, of a receiver that never had a solution. Every value is NaN and every
+    /// status bit is clear, except the bits of the solution's age, which say that there was none.
     #[must_use]
     pub const fn absent(timestamp: u32) -> Self {
         Self {
@@ -54,7 +54,7 @@ impl GpsValues {
     }
 }
 
-/// A GPS object: 60 bytes. The last four are the frame CRC of the other 56.
+/// A GPS object of 60 bytes. The last four bytes are the frame CRC of the other 56.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct GpsObject {

@@ -34,7 +34,7 @@ const _: () = {
 };
 
 /// The image of a DPR for a profile of `N` receivers.
-// All fields have alignment 1; `packed` proves to bytemuck that no `N` has padding.
+// Every field has alignment 1, so there is no padding. `packed` proves that to bytemuck for any `N`.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C, packed)]
 pub struct Image<const N: usize> {
@@ -71,7 +71,7 @@ impl<const N: usize> Image<N> {
     ///
     /// # Errors
     ///
-    /// [`Rejection::Identifier`] if this image has no room for the object, which is then not copied.
+    /// [`Rejection::Identifier`] if this image has no room for the object. Then nothing is copied.
     pub fn deposit(&mut self, object: Object<'_>) -> Result<(), Rejection> {
         let index = object.index().ok_or(Rejection::Identifier)?;
         let slot = self.object_mut(index).ok_or(Rejection::Identifier)?;

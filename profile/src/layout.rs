@@ -161,7 +161,8 @@ impl Layout {
         with_receivers!(self.receivers, N => Place::of_frame::<N>(frame))
     }
 
-    /// The pieces of an air frame's payload that should be objects, each with its number in the profile.
+    /// Returns the parts of an air frame's payload that should be objects, each with its object's number in the
+    /// profile.
     ///
     /// # Errors
     ///

@@ -43,7 +43,7 @@ impl LinkValues {
     }
 }
 
-/// A Link-Status object: 32 bytes. The last four are the frame CRC of the other 28.
+/// A Link-Status object of 32 bytes. The last four bytes are the frame CRC of the other 28.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct LinkStatus {

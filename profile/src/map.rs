@@ -91,7 +91,7 @@ impl fmt::Debug for PortArea {
 }
 
 /// The memory map of a DPR for a profile of `N` receivers.
-// All fields have alignment 1; `packed` proves to bytemuck that no `N` has padding.
+// Every field has alignment 1, so there is no padding. `packed` proves that to bytemuck for any `N`.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C, packed)]
 pub struct Map<const N: usize> {

@@ -20,7 +20,7 @@ macro_rules! object {
             /// The size of the object in bytes.
             pub const SIZE: usize = $size;
 
-            /// Zeros, the contents of memory before the first write. They do not verify.
+            /// The object as zeros, the contents of memory before the first write. Zeros do not verify.
             pub const EMPTY: Self = bytemuck::zeroed();
 
             #[doc = $timestamp]
@@ -65,7 +65,7 @@ macro_rules! object {
                 Ok(Self::found(bytes, $crate::crc::frame_intact(bytes)))
             }
 
-            /// Reads `bytes` as an object, of which `intact` says whether the frame CRC is right.
+            /// Reads `bytes` as an object. The argument `intact` says whether their frame CRC is right.
             fn found(bytes: &[u8; Self::SIZE], intact: bool) -> (&Self, $crate::rejection::Findings) {
                 let findings = $crate::rejection::Findings::new().check(intact, $crate::Rejection::Crc);
                 (bytemuck::must_cast_ref(bytes), findings)

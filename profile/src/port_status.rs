@@ -65,7 +65,7 @@ pub enum Violation {
     CommandBusy,
     /// More transactions, or more objects, than the DPR grants.
     TooMany,
-    /// MOSI was driven after the object.
+    /// The flight controller drove MOSI after the object's last byte.
     TooLong,
 }
 
@@ -84,7 +84,7 @@ impl Violation {
         Self::TooLong,
     ];
 
-    /// The kind of violation that a rejected [request](crate::ssi::parse) is.
+    /// Returns the kind of violation that counts for a rejected [request](crate::ssi::parse).
     #[must_use]
     pub const fn of_request(rejection: Rejection) -> Self {
         match rejection {
@@ -94,7 +94,7 @@ impl Violation {
         }
     }
 
-    /// The kind of violation that a rejected [object](crate::uplink::Written::verify) is.
+    /// Returns the kind of violation that counts for a rejected [object](crate::uplink::Written::verify).
     #[must_use]
     pub const fn of_object(rejection: Rejection) -> Self {
         match rejection {
@@ -105,7 +105,7 @@ impl Violation {
         }
     }
 
-    /// The range of this kind's counter in Port-Status.
+    /// Returns the range of the counter for this kind of violation in Port-Status.
     #[must_use]
     pub const fn place(self) -> Range<usize> {
         let start = offset_of!(PortStatus, violations) + 2 * self.index();
@@ -193,7 +193,7 @@ pub struct PortValues {
     pub last_stop: u32,
 }
 
-/// A Port-Status object: 64 bytes. The last four are the frame CRC of the other 60.
+/// A Port-Status object of 64 bytes. The last four bytes are the frame CRC of the other 60.
 ///
 /// | bytes | | bytes | |
 /// |---|---|---|---|

@@ -20,7 +20,7 @@ pub const MAX_SIZE: usize = Profile::<MAX_RECEIVERS>::SIZE;
 /// ```
 ///
 /// Object number 0 is Reported-Position, 1 to `N` are GPS1 to GPS`N`.
-// All fields have alignment 1; `packed` proves to bytemuck that no `N` has padding.
+// Every field has alignment 1, so there is no padding. `packed` proves that to bytemuck for any `N`.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C, packed)]
 pub struct Profile<const N: usize> {
@@ -50,13 +50,13 @@ impl<const N: usize> Profile<N> {
         1 + N
     };
 
-    /// Zeros, the contents of a buffer before the first write. No object in it verifies.
+    /// The profile as zeros, the contents of a buffer before the first write. No object in it verifies.
     pub const EMPTY: Self = {
         let () = Self::SUPPORTED;
         bytemuck::zeroed()
     };
 
-    /// The profile of these sealed objects. `gps` begins with GPS1.
+    /// Returns the profile that consists of these sealed objects. `gps` begins with GPS1.
     #[must_use]
     pub const fn new(reported: ReportedPosition, gps: [GpsObject; N]) -> Self {
         let () = Self::SUPPORTED;

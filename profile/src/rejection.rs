@@ -3,7 +3,7 @@ use core::{error::Error, fmt, hint::black_box};
 
 /// The reason why received bytes are not accepted.
 ///
-/// If several reasons hold, the first in the order below is given. Later versions may add reasons.
+/// If several reasons hold, the result is the one that comes first in the order below. Later versions may add reasons.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Rejection {
@@ -42,7 +42,7 @@ impl Error for Rejection {}
 
 /// The findings of all checks of one object or request.
 ///
-/// Every check is made, whatever the other checks found, so the time for them does not depend on the bytes.
+/// Every check is made, whatever the other checks found. So the time for the checks does not depend on the bytes.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Findings {
     faults: u8,
@@ -67,7 +67,7 @@ impl Findings {
         Self { faults: self.faults | u8::from(!good) << bit }
     }
 
-    /// Returns `accepted` if every check was good, or else the first reason for a rejection.
+    /// Returns `accepted` if every check was good. Otherwise returns the first reason for a rejection.
     #[inline]
     pub(crate) fn judge<T>(self, accepted: T) -> Result<T, Rejection> {
         // `black_box` keeps the optimiser from moving a CRC's computation into the branch that needs its result.

@@ -78,7 +78,7 @@ impl Position {
     }
 }
 
-/// A Reported-Position object: 64 bytes. The last four are the frame CRC of the other 60.
+/// A Reported-Position object of 64 bytes. The last four bytes are the frame CRC of the other 60.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct ReportedPosition {

@@ -7,9 +7,9 @@
 //! nothing, and its work per cycle is bounded.
 //!
 //! A cycle is **in sequence** under two conditions. Its timestamp is that of the last cycle + 10 ms · (1 + missed),
-//! with at most [`MAX_MISSED`] missed cycles. The time between the samples of both cycles, on the receiver's clock, is
-//! the same, within [`TOLERANCE_US`] plus [2 %](TOLERANCE_SHARE) of the step. The last cycle is the last one that
-//! arrived, whether it was in sequence or not.
+//! with at most [`MAX_MISSED`] missed cycles. On the receiver's clock, the time between the two samples is the same
+//! step, within [`TOLERANCE_US`] plus [2 %](TOLERANCE_SHARE) of the step. The last cycle is the last one that arrived,
+//! whether it was in sequence or not.
 //!
 //! **Search.** A search begins at the start, and after any cycle that is not in sequence. No cycle is shown until it
 //! ends, with the last of [`SEARCH_CYCLES`] cycles in a row whose timestamps each advance by exactly 10 ms and whose
@@ -23,7 +23,7 @@
 //! | 3 | `Searching { found: 2 }` |
 //! | 4 | `InSequence { missed: 0 }` |
 //!
-//! So of timestamps 20, 10, 20, 10, … no cycle is ever shown.
+//! For example, no cycle of timestamps 20, 10, 20, 10, … is ever shown.
 //!
 //! **Clock.** A single step may deviate by up to 27 % (2.5 ms + 2 % of 10 ms), because one cycle may be late for many
 //! reasons. The error of a wrong clock adds up. So while cycles are in sequence, the timestamps' advance is compared
@@ -32,8 +32,8 @@
 //! 1 s after its start. A clock that becomes wrong, or right again, is detected within two windows: 2.1 s, or 2.6 s if
 //! as many cycles as possible are missed. A window that ends because the sequence is lost has no result.
 //!
-//! Instants are u64 µs, which never wrap (584 000 years). With a u32 counter, two cycles 71.6 minutes apart would look
-//! like neighbours.
+//! Instants are u64 µs, which never wrap (584 000 years). A u32 counter wraps, so two cycles 71.6 minutes apart would
+//! look like neighbours.
 //!
 //! # Example
 //!
@@ -94,21 +94,22 @@ pub enum Judgement {
         /// The number of cycles that did not arrive between the last cycle and this one, at most [`MAX_MISSED`].
         missed: u32,
     },
-    /// The cycle is the first of all, or comes during the search for the sequence.
+    /// The cycle is the first of all, or comes while the sequence is searched for.
     Searching {
-        /// The number of cycles in a row, with this one, that have advanced as the search requires: less than
+        /// The number of cycles in a row, including this one, that have advanced as the search requires: less than
         /// [`SEARCH_CYCLES`].
         found: u8,
     },
-    /// The cycle's timestamp is the last one again: HORUS is frozen, or a frame is repeated.
+    /// The cycle repeats the last timestamp: HORUS is frozen, or a frame is repeated.
     Frozen,
     /// The cycle's timestamp is before the last one: HORUS has restarted, or frames are reordered.
     Restarted,
-    /// The timestamp is ahead, but not by a whole number of cycles, or more than [`MAX_MISSED`] cycles are missing.
+    /// The timestamp is ahead of the last one, but not by a whole number of cycles, or more than [`MAX_MISSED`] cycles
+    /// are missing.
     Irregular,
-    /// The timestamp is ahead by a possible step, but less time has passed.
+    /// The timestamp is ahead of the last one by a possible step, but the cycle comes too early for that step.
     Early,
-    /// The timestamp is ahead by a possible step, but more time has passed.
+    /// The timestamp is ahead of the last one by a possible step, but the cycle comes too late for that step.
     Late,
 }
 
@@ -144,7 +145,8 @@ pub struct Sequence {
     /// The number of cycles in a row that have advanced as the search requires; [`SEARCH_CYCLES`] while cycles are in
     /// sequence.
     found: u8,
-    /// The first sample of the window over which the clocks are compared; meaningful only while cycles are in sequence.
+    /// The first sample of the window over which the clocks are compared. It has no meaning while cycles are not in
+    /// sequence.
     window: Sample,
     /// Whether the clocks differed over the last complete window; false unless cycles are in sequence.
     clock_implausible: bool,

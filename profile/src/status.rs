@@ -114,7 +114,7 @@ pub enum ResetReason {
     Lockup = 3,
     /// Software or a debugger requested the reset.
     Software = 4,
-    /// The supply dipped, or the cause has no code of its own.
+    /// The supply dipped, or the reset had a cause that has no code of its own.
     BrownOutOrOther = 5,
 }
 
@@ -191,7 +191,7 @@ macro_rules! bit_set {
                     self.0 & (1 << $bit) != 0
                 }
 
-                /// This status with the bit set to `on`. The getter of the same name says what the bit means.
+                /// Returns this status with the bit set to `on`. The getter of the same name says what the bit means.
                 #[must_use]
                 pub const fn $with(self, on: bool) -> Self {
                     self.with(1 << $bit, if on { 1 << $bit } else { 0 })

@@ -45,7 +45,7 @@ impl Default for UplinkValues {
     }
 }
 
-/// An uplink object: 64 bytes. The last four are the frame CRC of the other 60.
+/// An uplink object of 64 bytes. The last four bytes are the frame CRC of the other 60.
 ///
 /// | bytes | |
 /// |---|---|

@@ -33,7 +33,8 @@ little_endian! {
     F64Le, f64, 8;
 }
 
-/// A CRC-32, most significant byte first, so that data and CRC are the coefficients of one polynomial.
+/// A CRC-32 in the order in which it is sent, most significant byte first. Data and CRC are then the coefficients of
+/// one polynomial.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(transparent)]
 pub(crate) struct CrcBe([u8; 4]);

@@ -53,8 +53,8 @@ fn every_double_bit_error_is_rejected() {
     }
 }
 
-/// A burst of errors on the air of `length` bits. The first and the last bit are wrong, and `pattern` says which
-/// between them are.
+/// A burst of errors on the air, `length` bits long. Its first and its last bit are wrong, and `pattern` says which of
+/// the bits between them are.
 fn burst(start: usize, length: usize, pattern: u32) -> impl Iterator<Item = usize> {
     (0..length).filter(move |at| *at == 0 || *at == length - 1 || pattern >> at & 1 == 1).map(move |at| start + at)
 }
@@ -154,8 +154,8 @@ fn any_equal(mut sums: Vec<u32>) -> bool {
 // Shows OBJ-2.
 #[test]
 fn the_frame_crc_has_hamming_distance_8_over_the_longest_object() {
-    // The generator polynomial, x³² included, has an even number of terms. So x + 1 divides it, and every odd number of
-    // wrong bits is detected.
+    // The generator polynomial has an even number of terms, its leading x³² included. So x + 1 divides it, and every
+    // odd number of wrong bits is detected.
     assert_eq!((1 + crc::FRAME.poly.count_ones()) % 2, 0);
     // If no two different sets of three bits have the same sum, every error of 2, 4 or 6 bits is detected: two sets
     // that share one bit stand for 4 wrong bits, two that share two for 2. The paper states this distance for 56 bytes
@@ -278,7 +278,8 @@ fn a_wrong_length_is_rejected_as_that() {
 
 #[test]
 fn a_line_of_ones_looks_intact_only_as_a_request_for_nothing() {
-    // The start value 0xFFFFFFFF and the first four bytes cancel to 0. The CRC that follows is 0xFFFFFFFF again.
+    // After the start value 0xFFFFFFFF, four bytes 0xFF make the register 0, and the final XOR makes the CRC
+    // 0xFFFFFFFF.
     let intact: Vec<_> = (0..=512).filter(|length| crc::frame_intact(&vec![0xFF; *length])).collect();
     assert_eq!(intact, [8]);
     let zero: Vec<_> = (0..=512).filter(|length| crc::frame_intact(&vec![0; *length])).collect();

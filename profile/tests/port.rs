@@ -144,7 +144,7 @@ fn a_command_with_any_other_bit_is_unknown() {
             assert_eq!(CommandObject::verify(&other), Err(Rejection::Command), "bit {bit}");
         }
     }
-    // A few upsets must not turn one command into the other, so their words differ in many bits.
+    // The words of the commands differ in many bits, so that a few flipped bits do not turn one command into another.
     assert!((Command::ClearCounters.word() ^ Command::SelfTest.word()).count_ones() >= 8);
 }
 
@@ -198,7 +198,7 @@ fn the_map_is_the_image_and_then_the_port<const N: usize>() {
     assert_eq!(Map::<N>::EMPTY, Map::new(Image::EMPTY, PortArea::EMPTY));
     assert_ne!(map, Map::EMPTY);
 
-    // Functions that give a writer the bytes of its object must give the same ranges.
+    // The functions that return a writer's part of the map must agree with the map's layout.
     let mut written = vec![0; len + 192];
     *map::port_area_mut::<_, N>(DPR, &mut written).expect("in the map") = *port.as_bytes();
     *map::link_status_mut(DPR, &mut written).expect("in the map") = *LinkStatus::seal(&seeds::link_values()).as_bytes();

@@ -90,7 +90,7 @@ fn twenty_five_missed_cycles_are_in_sequence_and_twenty_six_are_not() {
 // Shows SEQ-2.
 #[test]
 fn two_cycles_may_be_off_by_2_5_ms_and_2_percent() {
-    // The columns are the step, ms, and the least and the most time, µs, that may pass in this step.
+    // Each row has the step of the timestamps, ms, and the least and the greatest time, µs, that may pass in it.
     for (ms, least, most) in
         [(10, 7_300, 12_700), (20, 17_100, 22_900), (130, 124_900, 135_100), (260, 252_300, 267_700)]
     {
@@ -180,7 +180,7 @@ fn a_wrap_of_the_timestamp_is_no_break() {
 
 #[test]
 fn no_silence_is_long_enough_to_look_like_one_cycle() {
-    // A counter of 32 bits would wrap to the same value after 2³² µs, a timestamp after 2³² ms.
+    // After 2³² µs a counter of 32 bits would have the same value again, and after 2³² ms a timestamp.
     for silence_us in [1_u64 << 32, 1 << 33, 1_000 << 32, 1 << 62] {
         let mut sequence = held(5_000, 70_000);
         assert_eq!(sequence.judge(5_010, 80_000 + silence_us), Judgement::Late);
@@ -215,7 +215,7 @@ fn run(sequence: &mut Sequence, rate: u64, cycles: u32) -> Option<u32> {
 
 #[test]
 fn a_clock_off_by_over_2_percent_is_reported_within_two_windows() {
-    // HORUS's clock deviates by 2 % of the receiver's time if its 10 ms last 9 803.9 or 10 204.1 µs.
+    // HORUS's clock is wrong by 2 % of the receiver's time if its 10 ms last 9 803.9 or 10 204.1 µs.
     for (rate, wrong) in [(9_803, true), (9_804, false), (10_204, false), (10_205, true), (7_300, true), (12_700, true)]
     {
         for right_for in [0, 1, 37, 99, 100, 101] {
@@ -240,13 +240,14 @@ fn a_clock_off_by_over_2_percent_is_reported_within_two_windows() {
 #[test]
 fn the_clocks_are_compared_over_one_second_and_not_less() {
     let mut sequence = held(5_000, 40_000);
-    // The window begins with the cycle that found the sequence, and ends with the 100th cycle after it.
+    // The window over which clocks are compared begins with the cycle that found the sequence. It ends 100 cycles
+    // later.
     assert_eq!(run(&mut sequence, 10_000, 1), None);
     let mut sequence = held(5_000, 40_000);
     assert_eq!(run(&mut sequence, 12_500, 300), Some(80));
     let mut sequence = held(5_000, 40_000);
     assert_eq!(run(&mut sequence, 8_000, 300), Some(125));
-    // A clock that is right again becomes plausible after 1 s, when the first window without a difference ends.
+    // A clock that is right again becomes plausible when the first window without a difference ends, after 1 s.
     let mut sequence = held(5_000, 40_000);
     assert_eq!(run(&mut sequence, 12_500, 80), Some(80));
     assert_eq!(run(&mut sequence, 10_000, 99), Some(1));
@@ -290,8 +291,8 @@ mod oracle {
         advance(before, now) == Some(10) && (9_500..=10_500).contains(&(now.1 - before.1))
     }
 
-    /// Whether the last cycle of `history` is in sequence: after three exact steps in a row, each step continues the
-    /// one before.
+    /// Whether the last cycle of `history` is in sequence. First there must be three exact steps in a row; after them
+    /// each step must continue the one before.
     pub(crate) fn in_sequence(history: &[Arrival]) -> bool {
         let steps: Vec<_> = history.windows(2).map(|pair| (pair[0], pair[1])).collect();
         (3..=steps.len()).any(|end| {
@@ -300,7 +301,7 @@ mod oracle {
         })
     }
 
-    /// The index of the cycle at which the sequence was found that the last cycle of `history` belongs to.
+    /// The index of the cycle at which the sequence was found to which the last cycle of `history` belongs.
     fn found(history: &[Arrival]) -> Option<usize> {
         (0..history.len()).find(|&cycle| (cycle..history.len()).all(|end| in_sequence(&history[..=end])))
     }

@@ -53,7 +53,7 @@ fn gps_values(timestamp: u32, status: u16, f64s: [u64; 3], f32s: [u32; 6]) -> Gp
     }
 }
 
-/// Draws bit patterns of an f64, among them those that a careless copy would change.
+/// Draws bit patterns of an f64. Among them are those that a careless copy would change.
 fn any_f64() -> impl Strategy<Value = u64> {
     prop_oneof![
         any::<u64>(),
@@ -424,7 +424,7 @@ fn slot_and_air_time_give_the_age_at_a_frames_end() {
 
 #[test]
 fn air_time_is_that_of_424_kbit_per_second() {
-    // A frame has 48 + 16 + 8 + 8 * payload + 16 bits of 32 periods of 13.56 MHz each.
+    // On the air a frame has 48 + 16 + 8 + 8 * payload + 16 bits, each of 32 periods of 13.56 MHz.
     for (payload, nanoseconds) in [(124, 2_548_673), (184, 3_681_416), (244, 4_814_159), (180, 3_605_900)] {
         assert_eq!(air::air_time_ns(payload), nanoseconds);
     }

@@ -10,8 +10,8 @@
 //! | up to r | none |
 //! | r + 1 | 1 of 2^(r - 1) |
 //! | more | 1 of 2^r |
-/// log2 of the fraction of all bursts of `bits` bits that a CRC of `check_bits` does not detect; `None` if all are
-/// detected.
+/// log2 of the fraction of all bursts of `bits` bits that a CRC with `check_bits` check bits does not detect; `None` if
+/// it detects all.
 ///
 /// All patterns count equally, and the codeword is longer than the burst.
 #[must_use]

@@ -94,7 +94,7 @@ impl Code {
     ///
     /// # Errors
     ///
-    /// [`NotADual`] if the committed weights are not those of any dual.
+    /// [`NotADual`] if the committed weights cannot be those of a dual code.
     ///
     /// # Panics
     ///
@@ -124,7 +124,7 @@ fn parse(text: &str) -> Vec<(Code, DualWeights)> {
         }
         Some((Code { named, bits }, DualWeights::from_counts(counts)))
     };
-    // A code whose line cannot be read is missing, which is reported when the code is requested.
+    // A line that cannot be read is skipped. A later request for that line's code then fails.
     text.lines().filter(|text| !text.starts_with('#')).filter_map(line).collect()
 }
 

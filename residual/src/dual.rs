@@ -5,8 +5,8 @@
 //! converts the weights of the dual into those of the code ([`crate::weights`]).
 //!
 //! **Gray code.** Each word differs from the one before by one parity check, an exclusive or of n bits. A table has all
-//! 64 sums of the last six checks, so that the inner loop has no dependency from word to word: load, exclusive or,
-//! count, n / 64 times, then one histogram entry.
+//! 64 sums of the last six checks. So no word in the inner loop depends on the word before: load, exclusive or, count,
+//! n / 64 times, then one histogram entry.
 //!
 //! **Even codes need half the work.** If x + 1 divides the polynomial, the all-ones word is in the dual, as the sum of
 //! all checks. So each word of weight w has a partner of weight n - w: one check is left out and the histogram
@@ -30,7 +30,7 @@ const PIECES_LOG2: u32 = 10;
 /// The number of histograms in which words are counted in turn. Adjacent words often have equal weights; in one
 /// histogram, each increment would wait for the last store.
 const HISTOGRAMS: usize = 4;
-/// For each histogram, the number of words of each weight in one piece, at most 2^22.
+/// For each histogram, the number of words of each weight in one piece of the sequence, at most 2^22.
 type Histograms = [[u32; MAX_LENGTH + 1]; HISTOGRAMS];
 
 /// The number of words of each weight in the dual code, from weight 0 to the length of the codeword.
@@ -40,8 +40,8 @@ pub struct DualWeights {
 }
 
 impl DualWeights {
-    /// Counts the words of the dual of the polynomial's code of `length` bits, check bits included. Threads call
-    /// `progress` with the finished share, 0 to 1.
+    /// Counts the words of the dual of the polynomial's code of `length` bits, check bits included. The counting
+    /// threads call `progress` with the finished share, 0 to 1.
     ///
     /// # Panics
     ///
@@ -66,7 +66,7 @@ impl DualWeights {
         }
     }
 
-    /// Returns weights that were counted before: `counts[w]` words of weight w, from 0 to the length.
+    /// Returns the distribution whose `counts[w]` words of weight w, from 0 to the length, were counted before.
     #[must_use]
     pub fn from_counts(counts: Vec<u64>) -> Self {
         Self { counts }
@@ -87,9 +87,9 @@ impl DualWeights {
 
 struct Walk<const W: usize> {
     length: usize,
-    /// Whether each counted word also stands for its complement.
+    /// Whether each counted word also stands for its complement, which is in the dual as well.
     mirrored: bool,
-    /// The parity checks that the Gray code combines. Those that select a piece come last.
+    /// The parity checks that the Gray code combines. The last of them select a piece of the sequence.
     checks: Vec<[u64; W]>,
     table: Vec<[u64; W]>,
     pieces_log2: u32,
@@ -98,7 +98,7 @@ struct Walk<const W: usize> {
 impl<const W: usize> Walk<W> {
     fn new(polynomial: Polynomial, length: usize) -> Self {
         let columns = polynomial.columns(length);
-        // Parity check j consists of bit j of every column.
+        // Bit j of every column makes up the parity check j.
         let mut checks: Vec<[u64; W]> = (0..polynomial.degree())
             .map(|j| {
                 let mut check = [0; W];
@@ -173,7 +173,8 @@ impl<const W: usize> Walk<W> {
         self.walk(piece)
     }
 
-    /// Counts the words of one piece on a processor that counts bits in one instruction, three times as fast.
+    /// Counts the words of one piece of the sequence, on a processor with an instruction that counts the bits of a
+    /// word. That is three times as fast.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "popcnt")]
     fn piece_with_popcnt(&self, piece: usize) -> Histograms {
@@ -210,8 +211,8 @@ impl<const W: usize> Walk<W> {
     }
 }
 
-/// Counts a word in the histogram by its number of ones. No counter can overflow: a word has at most 512 ones, and a
-/// piece has at most 2^22 words.
+/// Counts a word in the histogram entry for its number of ones. No entry can overflow: a word has at most 512 ones, and
+/// a piece of the sequence has at most 2^22 words.
 #[inline(always)]
 fn count_word<const W: usize>(histogram: &mut [u32; MAX_LENGTH + 1], word: &[u64; W]) {
     let weight = word.iter().fold(0_u32, |ones, part| ones.wrapping_add(part.count_ones()));

@@ -52,7 +52,7 @@ impl Nesting {
     };
 }
 
-/// A combination of a weight inside and a weight outside the inner codeword, with the search's result.
+/// One number of wrong bits inside and one outside the inner codeword, with the result of the search for such errors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Examined {
     /// The number of wrong bits in the inner codeword.
@@ -65,17 +65,18 @@ pub struct Examined {
     pub words: u64,
 }
 
-/// The least number of errors that damage the inner codeword and that both CRCs fail to detect.
+/// The least number of errors that both CRCs fail to detect and that damage the inner codeword.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Joint {
-    /// The least weight of a joint codeword whose inner part is not 0; `None` if the search did not reach it.
+    /// The least weight of a joint codeword with an inner part other than 0; `None` if the search ended before.
     pub distance: Option<usize>,
     /// The weight below which all weights are proved to have no words: the distance, if it is known.
     pub at_least: usize,
     /// The combinations of weights that were searched, by total weight.
     pub examined: Vec<Examined>,
-    /// Words of the least weight in the combinations in `examined`, each as the set bits of the outer codeword, counted
-    /// from the last bit sent. There may be others with more errors inside.
+    /// The words of the least weight that were found in the combinations in `examined`. Each word is given by the set
+    /// bits of the outer codeword, counted from the last bit sent. Words with more errors inside may exist besides
+    /// these.
     pub words: Vec<Vec<u16>>,
 }
 
@@ -89,7 +90,7 @@ impl Joint {
             (0..nesting.outer_bits).filter(|place| !inside.contains(place)).map(|place| place as u16).collect();
         let outside = Outside::new(&columns, outside);
         let mut examined = Vec::new();
-        // The inner words of a weight are searched for only when that weight is examined.
+        // Inner codewords of a weight are searched for when that weight is first needed.
         let mut inner_words: Vec<Words> = Vec::new();
         for total in 1.. {
             if nesting.outer.is_even() && total % 2 == 1 {
@@ -99,8 +100,8 @@ impl Joint {
             let mut complete = true;
             for weight in 1..=total {
                 if weight > MAX_WEIGHT || total - weight > MAX_OUTSIDE {
-                    // This combination of weights cannot be searched. It is excluded only if there is no inner word of
-                    // that weight.
+                    // Weights this large cannot be searched together. They are excluded only if there is no inner
+                    // codeword of that weight.
                     complete &= weight <= MAX_WEIGHT
                         && words_of(&mut inner_words, nesting, weight, threads).starting_at_0().is_empty();
                     continue;
@@ -129,7 +130,7 @@ impl Joint {
             }
             if !words.is_empty() {
                 words.sort_unstable();
-                // All smaller total weights have been excluded, or the search would have ended.
+                // The search would have ended before if a smaller total weight were possible.
                 return Self { distance: Some(total), at_least: total, examined, words };
             }
             if !complete {
@@ -147,7 +148,7 @@ fn words_of<'a>(found: &'a mut Vec<Words>, nesting: &Nesting, weight: usize, thr
     &found[weight - 1]
 }
 
-/// The sums of up to three columns outside the inner codeword.
+/// The sums of up to three columns of bits outside the inner codeword.
 struct Outside {
     places: Vec<u16>,
     columns: Vec<u32>,

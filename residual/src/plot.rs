@@ -83,7 +83,8 @@ fn panel<'a>(
         (share(Sil::Three), "SIL 3, likewise".to_owned()),
         (share(Sil::Four), "SIL 4, likewise".to_owned()),
     ];
-    // Labels closer than the height of a line of text would overlap, so one of them is moved to the right.
+    // The labels of two bounds overlap if they are closer than the height of a line of text. So one label is moved to
+    // the right.
     for (i, (bound, label)) in bounds.into_iter().enumerate() {
         let y = bound.log10();
         chart.draw_series(DashedLineSeries::new([(X.start, y), (X.end, y)], 8, 6, BLACK.mix(0.7).stroke_width(1)))?;

@@ -71,7 +71,7 @@ impl Polynomial {
         self.coefficients
     }
 
-    /// Whether x + 1 divides the polynomial. Then every codeword has an even number of ones, and every odd number of
+    /// Whether x + 1 divides the polynomial. If so, every codeword has an even number of ones, and every odd number of
     /// errors is detected.
     #[must_use]
     pub const fn is_even(self) -> bool {
@@ -128,7 +128,8 @@ impl fmt::Debug for Polynomial {
 mod tests {
     use super::*;
 
-    /// The remainder of x^i divided by g, by long division, to check the shift register.
+    /// Returns the remainder of x^i divided by g, by long division. It checks the remainders that the shift register
+    /// gives.
     fn remainder(g: u64, exponent: u32) -> u32 {
         let degree = 63 - g.leading_zeros();
         let mut dividend = 1_u128 << exponent;

@@ -60,7 +60,7 @@ impl fmt::Display for BitErrorRate {
 pub fn undetected_exactly(weights: &Weights, rate: BitErrorRate) -> f64 {
     let denominator = 10_u32.pow(rate.decade);
     let (wrong, right) = (BigUint::from(rate.digit), BigUint::from(denominator - rate.digit));
-    // With p / (1 - p) = a / b, Horner's rule gives Σ A_w a^w b^(n - w), from w = n on.
+    // Horner's rule, from w = n on, gives Σ A_w a^w b^(n - w), where a / b = p / (1 - p).
     let mut sum = BigUint::ZERO;
     let mut power = BigUint::from(1_u32);
     let undetected = weights.counts().iter().skip(1);
@@ -78,7 +78,7 @@ fn quotient(numerator: BigUint, denominator: &BigUint) -> f64 {
     }
     let shift = (64 + denominator.bits()).saturating_sub(numerator.bits());
     let digits = (numerator << shift) / denominator;
-    // The scaling takes two steps, because 2^-shift alone may be less than the smallest binary64.
+    // The result is scaled by mantissa and exponent, because 2^-shift alone may be below the smallest binary64.
     let (mantissa, exponent) = scientific(&digits);
     mantissa * 2_f64.powi((exponent as i64 - shift as i64) as i32)
 }
@@ -95,7 +95,7 @@ fn scientific(value: &BigUint) -> (f64, u64) {
 #[derive(Clone, Debug)]
 pub struct ErrorCurve {
     length: usize,
-    /// The pairs (w, ln A_w) for every weight that a codeword has.
+    /// The pairs (w, ln A_w) for every weight w of which there are codewords.
     terms: Vec<(f64, f64)>,
 }
 
@@ -175,7 +175,7 @@ fn maximum(function: impl Fn(f64) -> f64) -> Maximum {
     let rates: Vec<f64> = logarithmic(STEPS_PER_DECADE).collect();
     let values: Vec<f64> = rates.iter().map(|p| function(*p)).collect();
     let best = (0..rates.len()).max_by(|a, b| values[*a].total_cmp(&values[*b])).unwrap_or(0);
-    // The golden-section search runs between the two rates beside the best one.
+    // The golden-section search covers the interval between the neighbours of the best rate.
     let (mut low, mut high) = (rates[best.saturating_sub(1)], rates[(best + 1).min(rates.len() - 1)]);
     let golden = (5_f64.sqrt() - 1.0) / 2.0;
     let mut value = values[best];
@@ -226,7 +226,7 @@ mod tests {
 
     #[test]
     fn a_parity_bit_misses_every_even_number_of_errors() {
-        // For this code P_ud = (1 + (1 - 2p)^n) / 2 - (1 - p)^n.
+        // The code of one parity bit has P_ud = (1 + (1 - 2p)^n) / 2 - (1 - p)^n.
         let curve = ErrorCurve::new(&weights(1, 1, 9));
         for p in [1e-6, 1e-3, 0.1, 0.4] {
             let (q, n) = (1.0 - p, 9);
@@ -247,8 +247,8 @@ mod tests {
         assert_eq!((rising.bit_error_rate, rising.value), (0.5, 0.5));
         let plateau = maximum(|p| p.min(1e-3));
         assert!((plateau.bit_error_rate / 1e-3 - 1.0).abs() < 0.02 && plateau.value == 1e-3);
-        // The code of x^8 + 1 misses any two errors that are eight bits apart, so it is worse with a few errors than
-        // with many.
+        // The code of x^8 + 1 does not detect two errors that are eight bits apart. So it is worse with a few errors
+        // than with many.
         let curve = ErrorCurve::new(&weights(8, 0x01, 40));
         let worst = logarithmic(1000).map(|p| curve.undetected(p)).fold(0.0, f64::max);
         assert!((1.0 - 1e-12..1.0 + 1e-4).contains(&(curve.maximum().value / worst)));

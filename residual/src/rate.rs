@@ -50,7 +50,7 @@ pub enum Sil {
 }
 
 impl Sil {
-    /// All safety integrity levels in the comparison.
+    /// The safety integrity levels that the residual error rates are compared with.
     pub const ALL: [Self; 3] = [Self::Two, Self::Three, Self::Four];
 
     /// The number of the level: 2, 3 or 4.

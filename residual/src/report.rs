@@ -17,7 +17,7 @@ pub const PLOT_PATH: &str = "docs/safety/residual-error.svg";
 
 const HOURS_PER_YEAR: f64 = 8766.0;
 
-/// One code with all results that follow from its weights.
+/// A code, with all results that follow from its weights.
 #[derive(Clone, Debug)]
 pub struct Judged {
     /// The code.
@@ -52,7 +52,7 @@ impl Analysis {
     ///
     /// # Errors
     ///
-    /// [`NotADual`], with the code, if the weights of a code are not those of its dual.
+    /// [`NotADual`], with the code, if the weights counted for a code are not those of any dual.
     pub fn new(duals: &[(Code, DualWeights)]) -> Result<Self, (Code, NotADual)> {
         let codes = duals.iter().map(|(code, dual)| {
             let weights = Weights::from_dual(dual, code.named.polynomial.degree()).map_err(|error| (*code, error))?;
@@ -73,7 +73,7 @@ impl Analysis {
         Self::new(&duals)
     }
 
-    /// The results of one of the judged codes.
+    /// Returns the results of this code, which must be one of the judged ones.
     ///
     /// # Panics
     ///
@@ -113,7 +113,7 @@ pub struct Claim {
     pub claim: String,
     /// Whether the claim holds.
     pub holds: bool,
-    /// The number that determines whether the claim holds.
+    /// The number on which it depends whether the claim holds.
     pub figure: String,
 }
 
@@ -122,9 +122,9 @@ pub struct Claim {
 pub struct Report {
     /// The judged codes.
     pub analysis: Analysis,
-    /// The distance of both CRCs together over latitude and longitude.
+    /// The distance of both CRCs together, for errors in latitude and longitude.
     pub joint: Joint,
-    /// The verdicts of `profile` on injected errors.
+    /// The verdicts of `profile` on objects with injected errors.
     pub checks: Vec<Check>,
 }
 
@@ -137,7 +137,7 @@ impl Report {
         Self { analysis, joint, checks }
     }
 
-    /// The injections whose outcome contradicts the theory. There must be none.
+    /// The injections with another outcome than the theory's. There must be none.
     pub fn unexplained(&self) -> impl Iterator<Item = &Check> {
         self.checks.iter().filter(|check| !check.holds())
     }
@@ -478,7 +478,7 @@ impl Report {
     ///
     /// # Errors
     ///
-    /// Returns a message with the name of a table that the text lacks.
+    /// Returns a message that names the table for which the text has no place.
     pub fn refresh(&self, text: &str) -> Result<String, String> {
         self.tables().into_iter().try_fold(text.to_owned(), |text, (name, table)| {
             let begin = format!("<!-- table: {name} -->\n");

@@ -99,7 +99,7 @@ fn place_all(middle: &[u16], highest: Option<usize>) -> Vec<u16> {
     places
 }
 
-/// The sums of all sets of `half` columns without the first column, in buckets.
+/// The sums of all sets of `half` columns, sorted into buckets. The first column is in none of the sets.
 struct Halves {
     half: usize,
     /// The index of the first entry of each bucket, and finally the index behind the last entry.
@@ -138,7 +138,7 @@ impl Halves {
     /// Finds all pairs of halves whose sums add up to `target`. All positions of one half lie below those of the other
     /// and below `limit`.
     fn join(&self, target: u32, limit: usize, threads: NonZero<usize>, found: &mut dyn FnMut(Vec<u16>)) {
-        // A further thread is started only if there is enough work for it.
+        // A further thread is started only if there is enough work to be worth its start.
         let threads = if self.entries.len() < 1 << 20 { 1 } else { threads.get() };
         let next = AtomicUsize::new(0);
         let work = || {
@@ -195,8 +195,8 @@ impl Halves {
     }
 }
 
-/// Calls `visit` with the sum and the positions of every set of `size` columns without the first, in the order of their
-/// highest position.
+/// Calls `visit` with the sum and the positions of every set of `size` columns, in the order of their highest position.
+/// The first column is left out.
 fn subsets(columns: &[u32], size: usize, visit: &mut dyn FnMut(u32, u64)) {
     fn below(
         columns: &[u32],

@@ -13,7 +13,7 @@ use num_bigint::{BigInt, BigUint, Sign};
 
 use crate::DualWeights;
 
-/// The reason why a weight distribution is not that of any code's dual.
+/// The reason why a weight distribution cannot be that of a code's dual.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NotADual {
     /// The number of words that were counted is not 2^r.
@@ -24,13 +24,13 @@ pub enum NotADual {
         /// The number r of check bits.
         check_bits: u32,
     },
-    /// The identity gives a fraction or a negative number where a count of codewords should be.
+    /// The MacWilliams identity gives a fraction or a negative number where a count of codewords should be.
     #[error("the number of codewords of weight {weight} is not a natural number")]
     Count {
-        /// The weight for which the identity gives no natural number.
+        /// The weight for which the MacWilliams identity gives no natural number.
         weight: usize,
     },
-    /// The identity does not give exactly one word of weight 0, or not 2^(n - r) words in all.
+    /// The MacWilliams identity does not give exactly one word of weight 0, or not 2^(n - r) words in all.
     #[error("the codewords are not one of weight 0 and 2^{data_bits} in all")]
     Codewords {
         /// The number n - r of data bits.
@@ -60,7 +60,7 @@ impl Weights {
             return Err(NotADual::Words { counted, check_bits });
         }
         let length = dual.length();
-        // For each j from n down to 0, the sum R is replaced by R (1 - z) + B_j (1 + z)^(n - j).
+        // Horner's rule: for each j from n down to 0, the sum R is replaced by R (1 - z) + B_j (1 + z)^(n - j).
         let mut sum = vec![BigInt::ZERO; length + 1];
         let mut binomials = vec![BigInt::ZERO; length + 1];
         binomials[0] = BigInt::from(1);
@@ -136,7 +136,7 @@ mod tests {
         let mut counts = vec![0_u64; length + 1];
         let data = length - polynomial.degree() as usize;
         for data in 0..1_u64 << data {
-            // The codewords are the multiples of the polynomial, in some order.
+            // All codewords are counted, as multiples of the polynomial. Their order does not matter.
             let codeword = (0..length)
                 .filter(|bit| data >> bit & 1 == 1)
                 .fold(0_u64, |word, bit| word ^ polynomial.coefficients() << bit);
@@ -166,7 +166,7 @@ mod tests {
 
     #[test]
     fn hamming_codes_have_the_weights_in_the_books() {
-        // The [15, 11] Hamming code, and its extension by a parity bit (MacWilliams, Sloane, chapter 1).
+        // These are the [15, 11] Hamming code and its extension by a parity bit (MacWilliams, Sloane, chapter 1).
         let hamming = weights(Polynomial::from_normal(4, 3).unwrap(), 15);
         let expected = [1_u32, 0, 0, 35, 105, 168, 280, 435, 435, 280, 168, 105, 35, 0, 0, 1].map(BigUint::from);
         assert_eq!(hamming.counts(), expected);

@@ -92,7 +92,7 @@ impl Object {
         }
     }
 
-    /// The reason for which `profile` rejects `bytes` as an object of this kind; `None` if `profile` accepts them.
+    /// Returns the reason why `profile` rejects `bytes` as an object of this kind; `None` if `profile` accepts them.
     #[must_use]
     pub fn rejection(self, bytes: &[u8]) -> Option<Rejection> {
         match self {
@@ -109,7 +109,8 @@ pub struct Injected {
     pub tried: u64,
     /// The number of patterns with which the object was accepted.
     pub accepted: u64,
-    /// The number of patterns with which the object passed every CRC, but had a changed identifier.
+    /// The number of patterns with which the object passed every CRC, but was rejected because they changed its
+    /// identifier.
     pub identifier: u64,
 }
 
@@ -199,8 +200,8 @@ pub fn inject_bursts(object: Object, threads: NonZero<usize>) -> Injected {
     in_parallel(threads, object.bits(), &|start| {
         let mut injected = Injected::default();
         let mut bytes = sealed.clone();
-        // The patterns are all odd numbers of 16 bits, the lowest bit sent first. So each burst that begins at one
-        // position is injected there exactly once.
+        // The patterns are all odd numbers of 16 bits, and the lowest bit is sent first. So each burst is injected once
+        // at each position.
         for pattern in (1..1_u32 << EXHAUSTIVE_BURST).step_by(2) {
             let length = 32 - pattern.leading_zeros() as usize;
             if start + length <= object.bits() {
@@ -248,7 +249,8 @@ fn apply(bytes: &mut [u8], start: usize, mut pattern: u64) {
     }
 }
 
-/// Injects words, each given by the positions of its set bits, counted from the last bit that is sent.
+/// Injects error patterns. Each is a word given by the positions of its set bits, counted from the last bit that is
+/// sent.
 #[must_use]
 pub fn inject_words<'a>(object: Object, words: impl IntoIterator<Item = &'a [u16]>) -> Injected {
     let sealed = object.sealed();
@@ -266,7 +268,7 @@ pub fn inject_words<'a>(object: Object, words: impl IntoIterator<Item = &'a [u16
 /// Returns random codewords of `weight` ones in the code of `polynomial` at `length` bits, as the positions of set
 /// bits.
 ///
-/// Among many random halves of words, some have equal sums and make a codeword. All codewords of that weight are
+/// The words are made of random halves with equal sums, of which there are enough. All codewords of that weight are
 /// equally probable.
 #[must_use]
 pub fn random_codewords(polynomial: Polynomial, length: usize, weight: usize, count: usize) -> Vec<Vec<u16>> {
@@ -295,19 +297,20 @@ pub fn random_codewords(polynomial: Polynomial, length: usize, weight: usize, co
     words
 }
 
-/// Whether a word has a set bit within the bytes `bytes` of an object of `bits` bits.
+/// Whether a word has a set bit within the range `bytes` of an object of `bits` bits.
 #[must_use]
 pub fn touches(word: &[u16], bits: usize, bytes: std::ops::Range<usize>) -> bool {
     word.iter().any(|place| bytes.contains(&((bits - 1 - usize::from(*place)) / 8)))
 }
 
-/// The polynomial as a word whose last bit is the last one sent: the shortest undetected burst, of 33 bits.
+/// Returns the polynomial as a word whose last bit is the last one sent. This is the shortest burst that is not
+/// detected, 33 bits long.
 #[must_use]
 pub fn polynomial_word(polynomial: Polynomial) -> Vec<u16> {
     (0..=polynomial.degree() as u16).filter(|i| polynomial.coefficients() >> i & 1 == 1).collect()
 }
 
-/// The codewords of weight 9, its distance, in the position code's 160 bits.
+/// Returns the position code's codewords, in 160 bits, whose weight is the code's distance, 9.
 #[must_use]
 pub fn position_words(threads: NonZero<usize>) -> Words {
     Words::find(codes::POSITION.polynomial, codes::POSITION_BITS, 9, threads)
@@ -326,7 +329,7 @@ pub struct Check {
     pub injected: Injected,
 }
 
-/// The required outcome of injected patterns.
+/// The required outcome of injecting some patterns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Expected {
     /// A CRC rejects every pattern.
@@ -396,7 +399,7 @@ pub fn check(joint: &Joint, threads: NonZero<usize>) -> Vec<Check> {
                 );
             }
             Object::ReportedPosition => {
-                // Codewords of the frame CRC within the 288 bits after the position CRC pass both CRCs. Those that
+                // Frame codewords within the 288 bits after the position CRC pass both CRCs. Frame codewords that
                 // change latitude, longitude or the position CRC are rejected.
                 let behind = random_codewords(frame, 8 * 36, 8, CODEWORDS);
                 add(

@@ -19,15 +19,16 @@ fn distance_ends_at(named: Named, distance: usize, data: usize) {
 
 #[test]
 fn the_polynomials_keep_their_distance_up_to_koopmans_lengths() {
-    // Source: users.ece.cmu.edu/~koopman/crc/, best 32-bit polynomials: HD = 8 up to 992 bits, and HD = 9 up to 223.
+    // The source of both lengths is the list of the best 32-bit polynomials in users.ece.cmu.edu/~koopman/crc/: HD = 8
+    // up to 992 bits, and HD = 9 up to 223.
     distance_ends_at(FRAME, 8, 992);
     distance_ends_at(POSITION, 9, 223);
 }
 
 #[test]
 fn ieee_802_3_has_the_distances_koopman_lists() {
-    // Source: users.ece.cmu.edu/~koopman/crc/hdlen.html: {4294967263, 91607, 2974, 268, 171, 91, 57, 34, 21, …} from HD
-    // = 3 on.
+    // The source of the lengths is users.ece.cmu.edu/~koopman/crc/hdlen.html: {4294967263, 91607, 2974, 268, 171, 91,
+    // 57, 34, 21, …} from HD = 3 on.
     for (distance, data) in [(5, 2974), (6, 268), (7, 171), (8, 91), (9, 57), (10, 34)] {
         distance_ends_at(IEEE_802_3, distance, data);
     }
@@ -35,14 +36,15 @@ fn ieee_802_3_has_the_distances_koopman_lists() {
 
 #[test]
 fn castagnolis_polynomials_have_the_distances_published() {
-    // Sources: Castagnoli et al. 1993 and Koopman 2002: CRC-32C has HD = 8 up to 177 bits, 0xFA567D89 up to 274 bits.
+    // The sources are Castagnoli et al. 1993 and Koopman 2002: HD = 8 of CRC-32C up to 177 bits, of 0xFA567D89 up to
+    // 274 bits.
     distance_ends_at(CRC_32C, 8, 177);
     distance_ends_at(OPC_UA_SAFETY, 8, 274);
 }
 
 #[test]
 fn opc_ua_safetys_digits_are_normal_notation() {
-    // In Koopman's notation, 0xF4ACFB13 is another polynomial, without the published distance.
+    // Read in Koopman's notation, 0xF4ACFB13 is another polynomial, which does not have the published distance.
     let misread = Polynomial::from_koopman(32, 0xF4AC_FB13).unwrap();
     assert_eq!(OPC_UA_SAFETY.polynomial, Polynomial::from_normal(32, 0xF4AC_FB13).unwrap());
     assert_ne!(misread, OPC_UA_SAFETY.polynomial);
@@ -71,8 +73,8 @@ fn profile_computes_with_these_polynomials_and_not_with_their_koopman_digits() {
 
 #[test]
 fn koopman_digits_taken_for_normal_ones_lose_the_distance() {
-    // In Koopman's notation both polynomials end in an even digit. Read in normal notation, such digits are divisible
-    // by x, so the last bit of an object would be unprotected.
+    // Both polynomials end in an even digit in Koopman's notation. In the usual notation such digits are divisible by
+    // x, so the last bit of an object would be unprotected.
     for named in [FRAME, POSITION] {
         assert_eq!(Polynomial::from_normal(32, named.polynomial.koopman()), None, "{}", named.name);
         let algorithm = Box::leak(Box::new(crc::Algorithm {
@@ -86,7 +88,7 @@ fn koopman_digits_taken_for_normal_ones_lose_the_distance() {
             residue: 0,
         }));
         let misused = crc::Crc::<u32>::new(algorithm);
-        // Bit 0 of the check value depends only on the end of the data, so only 31 check bits protect the rest.
+        // Bit 0 of the check value depends only on the last data bits, so only 31 check bits protect the rest.
         let lowest: Vec<u32> = (0..=255_u8).map(|byte| misused.checksum(&[0x48, byte, 0x17, 0x99, 0x03]) & 1).collect();
         assert!(lowest.iter().all(|bit| *bit == lowest[0]), "{}: the lowest check bit checks nothing", named.name);
     }

@@ -9,7 +9,7 @@ use residual::report::{Analysis, PLOT_PATH, REPORT_PATH, Report};
 use residual::wire::{self, Check, Expected, Injected, Object};
 use residual::{BitErrorRate, Code, DualWeights};
 
-/// Making the report takes half a minute, so all tests share one.
+/// Making the report takes half a minute, so all tests share one report.
 static REPORT: LazyLock<Report> =
     LazyLock::new(|| Report::new(Analysis::committed().unwrap(), NonZero::new(2).unwrap()));
 
@@ -35,7 +35,8 @@ fn one_two_and_three_wrong_bits_are_always_rejected() {
 #[test]
 fn bursts_of_up_to_16_bits_are_always_rejected() {
     for object in Object::ALL {
-        // A burst of 1 bit has n positions. Each of the 2^(b - 2) bursts of b bits has n - b + 1 positions.
+        // There are n positions for a burst of 1 bit, and n - b + 1 positions for each of the 2^(b - 2) bursts of b
+        // bits.
         let n = object.bits() as u64;
         let tried = n + (2..=16).map(|b| (n - b + 1) << (b - 2)).sum::<u64>();
         let check = check(object, "every burst of 1 to 16 bits");
@@ -71,7 +72,7 @@ fn no_errors_below_12_damage_latitude_or_longitude_and_pass_both_crcs() {
     assert_eq!((joint.distance, joint.at_least), (Some(12), 12));
     assert!(!joint.words.is_empty());
     assert!(joint.words.iter().all(|word| word.len() == 12 && wire::touches(word, codes::REPORTED_BITS, 8..24)));
-    // The number of tested inner codewords of weight 10 must follow from the weights of the dual.
+    // The number of inner codewords that the search has tested must be the number that follows from the dual.
     let weights = Code { named: POSITION, bits: codes::POSITION_BITS }.weights().unwrap();
     for examined in &joint.examined {
         assert_eq!(weights.counts()[examined.inside], examined.candidates.into());
@@ -108,7 +109,7 @@ fn every_compared_code_is_in_the_json_by_length() {
             }
         }
     }
-    // JSON objects keep the order of their entries, so the weight that is the distance comes first.
+    // A JSON object keeps the order of its entries, so the first weight is the distance.
     assert!(text.contains(r#""codeword_bits":480,"check_bits":32,"hd":8,"weights":{"8":"31604382","#));
     for claim in json["claims"].as_array().unwrap() {
         assert!(claim["claim"].is_string() && claim["holds"].is_boolean() && claim["figure"].is_string());
@@ -126,8 +127,8 @@ fn the_papers_claims_hold_except_the_failure_rate_at_1e_2() {
     assert!(!holds("n = 3, bit error rate 1e-2"));
     assert!(holds("n = 3, bit error rate 1e-3"));
     assert!(holds("P_re,cond at most 4.0e-10"));
-    // Calculated by hand: there are 31 604 382 words of weight 8 in 480 bits, and 53 157 895 in 512. At 1e-5 the next
-    // weights add less than a part in 10 000.
+    // These values were calculated by hand: there are 31 604 382 words of weight 8 in 480 bits, and 53 157 895 in 512.
+    // At 1e-5 the next weights add less than a part in 10 000.
     let p = 1e-5_f64;
     let expected =
         360_000.0 * p.powi(8) * (53_157_895.0 * (1.0 - p).powi(504) + 3.0 * 31_604_382.0 * (1.0 - p).powi(472));

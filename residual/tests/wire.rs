@@ -71,7 +71,7 @@ fn position_codewords_are_caught_by_the_frame_crc() {
         .map(|word| word.iter().map(|place| place + Nesting::REPORTED_POSITION.bits_after as u16).collect())
         .collect();
     none_pass(wire::inject_words(Object::ReportedPosition, words.iter().map(Vec::as_slice)), words.len() as u64);
-    // These words are codewords of the position code, whose CRC alone does not detect them.
+    // These words are codewords of the position code, so the position CRC alone does not detect them.
     let sealed = Object::ReportedPosition.sealed();
     assert!(profile::crc::position_intact(&sealed[8..28]));
     for word in &words {
@@ -95,8 +95,8 @@ fn scrubbed_and_inverted_objects_never_verify() {
             assert_eq!(GpsObject::verify(&[byte; GpsObject::SIZE], Identifier::gps(receiver)), Err(Rejection::Crc));
         }
         for object in Object::ALL {
-            // At least one byte is scrubbed, from the front or from the back on. The result must not verify unless the
-            // object is unchanged.
+            // At least one byte is scrubbed, from the front or from the end on. The object must not verify then, unless
+            // the scrub left it unchanged.
             let sealed = object.sealed();
             for cut in 1..sealed.len() {
                 let (mut front, mut back) = (sealed.clone(), sealed.clone());
@@ -144,8 +144,8 @@ proptest! {
                 let verified = GpsObject::verify(sealed.as_bytes(), Identifier::gps(place));
                 prop_assert_eq!(verified, if place == i + 1 { Ok(sealed) } else { Err(Rejection::Identifier) });
             }
-            // A GPS object with four more bytes is read as Reported-Position, and Reported-Position with four bytes
-            // fewer as a GPS object.
+            // A GPS object with four more bytes is taken for Reported-Position, and Reported-Position with four bytes
+            // fewer for a GPS object.
             let mut longer = bytes.clone();
             longer[..GpsObject::SIZE].copy_from_slice(sealed.as_bytes());
             prop_assert!(ReportedPosition::verify(&longer).is_err());

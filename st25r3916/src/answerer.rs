@@ -1,7 +1,7 @@
 //! The answerer: a listener that answers a frame from a buffer, at an instant of its owner's choice.
 //!
-//! A [`Listener`], which is a part of this machine, receives the frames. An answer is sent like a poller's frame, but
-//! by load modulation of the poller's field.
+//! A [`Listener`] within this machine receives the frames. An answer is sent like a poller's frame, but by load
+//! modulation of the poller's field.
 //!
 //! # States
 //!
@@ -82,7 +82,7 @@ use crate::{Variant, command};
 /// The earliest first bit of an answer, µs after the end of the frame: 2672/fc, rounded up.
 pub const EARLIEST_US: u32 = (reg::GUARD_FC * 100).div_ceil(1_356);
 
-/// An answerer's event. The caller may swap the frame buffer on any event.
+/// An answerer's event. On any event the caller may exchange the frame buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum AnswererEvent {
@@ -101,7 +101,8 @@ pub enum AnswererEvent {
     Loaded,
     /// The chip has sent the answer. [`Input::Start`] listens again.
     Answered {
-        /// Whether the interrupt I_txe confirmed the end. If not, the answer's time is over and the FIFO is empty.
+        /// Whether the interrupt I_txe confirmed the end of the answer. If not, the answer's time is over and the FIFO
+        /// is empty.
         confirmed: bool,
     },
     /// The answer was given up before its transmit command. [`Input::Start`] listens again.
@@ -116,13 +117,13 @@ pub enum AnswererEvent {
     Fault(Fault),
 }
 
-/// The reason why a frame is not answered.
+/// The reason why an answerer gives up an answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Unanswered {
-    /// The poller's field went off.
+    /// The poller's field went off before the answer.
     FieldLost,
-    /// Another frame began.
+    /// Another frame began before the answer.
     Overtaken,
 }
 
@@ -132,7 +133,7 @@ pub enum Unanswered {
 pub enum AnswererState {
     /// The listener within the answerer is at work; [`Answerer::listener_state`] returns its state.
     Listening,
-    /// A frame was delivered, so that [`Answerer::answer`] is possible.
+    /// A frame was delivered, so that [`Answerer::answer`] may be called.
     Delivered,
     /// An answer is being prepared or loaded, or is on air.
     Sending(SendState),
@@ -152,13 +153,13 @@ pub struct AnswererCounters {
     pub listener: ListenerCounters,
     /// Answers sent.
     pub answered: u32,
-    /// Answers whose end I_txe did not confirm.
+    /// Answers of which the interrupt I_txe did not confirm the end.
     pub unconfirmed: u32,
-    /// Frames whose answer was given up or lost.
+    /// Frames without an answer, because the answer was given up or lost.
     pub unanswered: u32,
 }
 
-/// The answerer machine.
+/// The state machine of an answerer.
 #[derive(Clone, Debug)]
 pub struct Answerer {
     listener: Listener,
@@ -227,11 +228,11 @@ impl Answerer {
         Poller::transmit()
     }
 
-    /// Begins an answer of `len` payload bytes, 1..=254, which must be ready. Allowed when the last step was
-    /// [`AnswererEvent::Frame`].
+    /// Begins an answer of `len` payload bytes, 1..=254, which must be in the caller's buffer already. Allowed when the
+    /// last step was [`AnswererEvent::Frame`].
     ///
     /// # Errors
-    /// [`SendError`]; the machine is unchanged.
+    /// [`SendError`] if the machine cannot answer now. Then it is unchanged.
     pub fn answer(&mut self, len: usize) -> Result<Step<AnswererEvent>, SendError> {
         let begun = self.sender.prepare(len, self.state == AnswererState::Delivered)?;
         Ok(self.sending(begun))
@@ -292,7 +293,8 @@ impl Answerer {
         let why = match (loads, overtaken) {
             (true, true) => Unanswered::Overtaken,
             (true, false) if status.timer & reg::IRQ_EOF != 0 => Unanswered::FieldLost,
-            // The chip receives again only after the answer. So the answer was sent, and the FIFO holds the next frame.
+            // The chip receives again only after its answer. So the answer was sent, and the FIFO already holds the
+            // next frame.
             (false, true) => return Some(self.sending(Sending::Sent { confirmed: status.is_set(reg::IRQ_TXE) })),
             (_, false) => return None,
         };
@@ -305,7 +307,7 @@ impl Answerer {
         let (state, step) = match sending {
             Sending::Transfer(state, transfer) => (AnswererState::Sending(state), Step::Transfer(transfer)),
             Sending::Wait(state, us) => (AnswererState::Sending(state), Step::Wait { us }),
-            // The caller of `answer` has the payload ready, so the machine loads it at once.
+            // The payload is ready when `answer` is called, so its first bytes are loaded at once.
             Sending::Prepared => {
                 let sending = self.sender.head();
                 return self.sending(sending);
@@ -323,8 +325,8 @@ impl Answerer {
         step
     }
 
-    /// Reports a lost answer. The chip is brought up again after a severe fault, or if the answer before was lost as
-    /// well.
+    /// Reports a lost answer. The chip is brought up again if the fault is severe, or if the previous answer was lost
+    /// too.
     fn fault(&mut self, fault: Fault) -> Step<AnswererEvent> {
         self.unanswered = self.unanswered.wrapping_add(1);
         if is_light(fault) && !self.lost {

@@ -28,7 +28,7 @@ use crate::{Variant, command};
 /// The polling interval of the IRQ pin, µs.
 pub const POLL_US: u32 = 10;
 
-/// The reason why a blocking call failed. The next call recovers the chip.
+/// The reason why a blocking call failed. The next call brings the chip back into operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Error<S, P> {
@@ -78,7 +78,7 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Wires<SPI, IRQ, DELAY> {
         });
     }
 
-    /// Lets up to `most_us` of the timer's time pass. Returns the time passed, µs.
+    /// Waits for the time that is left of the started timer, at most `most_us`. Returns the time waited, µs.
     fn pass(&mut self, most_us: u32) -> u32 {
         let us = self.left_us.min(most_us);
         self.delay.delay_us(us);
@@ -143,12 +143,12 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Port for Wires<SPI, IRQ, DEL
     }
 }
 
-/// The next event `E` of a machine; `None` if the time limit ends first.
+/// The next event `E` of a state machine; `None` if the time limit ends first.
 type Next<E, S, P> = Result<Option<E>, Error<S, P>>;
 
 type Blocking<M, SPI, IRQ, DELAY> = Executor<M, Wires<SPI, IRQ, DELAY>>;
 
-/// Returns the next event after `event`; `None` if `limit_us` of waiting, in µs, end first.
+/// Returns `event`, or else the next event. `None` if waiting takes `limit_us` in total, µs, before an event comes.
 fn next<M: Machine, SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs>(
     executor: &mut Blocking<M, SPI, IRQ, DELAY>,
     mut event: Option<M::Event>,
@@ -157,7 +157,7 @@ fn next<M: Machine, SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs>(
     let mut spent_us = 0_u32;
     loop {
         let waits = executor.is_waiting();
-        // A failed transfer also becomes an event of the machine, but the recorded error says more.
+        // A failed transfer also becomes an event, but the recorded error of the SPI device or pin says more.
         if (event.is_some() || waits)
             && let Some(error) = executor.port().error.take()
         {
@@ -187,12 +187,13 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Poller<SPI, IRQ, DELAY> {
         Self(Executor::new(poller::Poller::new(config), Wires::new(spi, irq, delay)))
     }
 
-    /// Counts since the poller was made.
+    /// Counts since this poller was made.
     pub const fn counters(&self) -> PollerCounters {
         self.0.machine().counters()
     }
 
-    /// Brings the chip up, or checks it if it is up already. This is one attempt, which takes about 0.3 s at most.
+    /// Brings the chip up, or checks the chip if that was done before. This is a single attempt, which takes about 0.3
+    /// s at most.
     ///
     /// # Errors
     /// The error that stopped the bring-up. The next call tries again after a back-off of 1 ms to 64 ms.
@@ -231,7 +232,7 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Poller<SPI, IRQ, DELAY> {
         self.go_on(|machine| machine.step(Input::Start)) // checked, Ready again
     }
 
-    /// Makes the machine take one step, and carries out all steps to the next event.
+    /// Makes the poller take one step, and carries out all further steps up to the next event.
     fn go_on(
         &mut self,
         take: impl FnOnce(&mut poller::Poller) -> crate::Step<PollerEvent>,
@@ -254,7 +255,7 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Listener<SPI, IRQ, DELAY> {
         Self(Executor::new(listener::Listener::new(config), Wires::new(spi, irq, delay)))
     }
 
-    /// Counts since the listener was made.
+    /// Counts since this listener was made.
     pub const fn counters(&self) -> ListenerCounters {
         self.0.machine().counters()
     }
@@ -264,13 +265,14 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Listener<SPI, IRQ, DELAY> {
         self.0.machine().variant()
     }
 
-    /// Continues to the next event. Returns `None` if `limit_us` of waiting, in µs, end first. A fault is an event,
-    /// too, from which the next call recovers.
+    /// Waits for the next event. Returns `None` if `limit_us` of waiting, in µs, end first. A fault is an event too,
+    /// from which the next call recovers.
     ///
     /// # Errors
-    /// The bus or the pin failed; the next call recovers.
+    /// The SPI bus or the IRQ pin failed. The next call recovers.
     pub fn next(&mut self, limit_us: u32) -> Result<Option<ListenerEvent>, Error<SPI::Error, IRQ::Error>> {
-        // This continues the machine after an event. It has no effect if the call before returned no event.
+        // This call resumes the machine after the event of the previous call. If there was no event, the call does
+        // nothing.
         let event = self.0.resume();
         next(&mut self.0, event, Some(limit_us))
     }

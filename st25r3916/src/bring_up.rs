@@ -33,7 +33,7 @@ use crate::{
     CALIBRATION_US, MEASUREMENT_US, OSCILLATOR_US, REGULATOR_US, SUPPLY_5V_MV, SUPPLY_MAX_MV, SUPPLY_MIN_MV, Variant,
 };
 
-/// How long after the end of a frame the first bit of an answer may come, µs.
+/// The time after the end of a frame within which an answer's first bit may come, µs.
 pub const WINDOW_US: u32 = 3_000;
 /// The number of steps of 64/fc in the no-response timer: the window for an answer, preamble and sync (64 bits of
 /// 32/fc), and one step of jitter (RFAL, `RFAL_FWT_ADJUSTMENT`).
@@ -51,7 +51,7 @@ pub(crate) const CONFIGURATION_READ: Short = Short::new([command::READ | reg::OP
 pub(crate) const DISPLAY_READ: Short = Short::new([command::READ | reg::AUXILIARY_DISPLAY, 0]);
 /// The number of interrupts in a row, without the awaited bit, after which the IRQ pin counts as stuck.
 pub(crate) const IDLE_IRQS: u8 = 8;
-/// The shortest back-off before a bring-up, µs. Each fault doubles it.
+/// The shortest back-off, that is the pause before a bring-up, µs. Each fault doubles the back-off.
 const BACK_OFF_US: u32 = 1_000;
 /// The number of faults in a row after which the back-off no longer doubles: 1 ms · 2⁶ = 64 ms.
 const BACK_OFF_STEPS: u8 = 7;
@@ -80,7 +80,7 @@ pub(crate) enum Role {
 }
 
 impl Role {
-    /// The values of registers 02, 03 and 04 in operation.
+    /// The values of registers 02, 03 and 04 (operation control, mode, bit rate) while the chip operates.
     pub(crate) const fn configuration(self) -> [u8; 3] {
         let [mode, rate] = match self {
             Self::Poller(_) | Self::Exchange => POLLER_MODE,
@@ -121,7 +121,7 @@ impl Role {
     }
 }
 
-/// Consecutive registers of one space and their values, which must read back equal.
+/// Consecutive registers of one space and the values to write to them. The registers must read back these values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Setting {
     in_space_b: bool,
@@ -138,7 +138,7 @@ impl Setting {
         Self { in_space_b: true, address, values }
     }
 
-    /// Returns a transfer that accesses this setting's registers: operation mode and address, then `rest`.
+    /// Returns a transfer that accesses the registers of this setting: operation mode and address, then `rest`.
     fn access(self, mode: u8, rest: &[u8]) -> Short {
         let head = [command::SPACE_B, mode | self.address];
         let from = usize::from(!self.in_space_b);
@@ -157,14 +157,14 @@ impl Setting {
     /// Checks the response to [`Setting::read`].
     ///
     /// # Errors
-    /// [`Fault::Register`] for the first register that differs.
+    /// [`Fault::Register`] names the first register that differs.
     fn check(self, response: &[u8]) -> Result<(), Fault> {
         let (head, space) = if self.in_space_b { (2, reg::SPACE_B) } else { (1, 0) };
         check(space | self.address, self.values, response.get(head..).unwrap_or(&[]))
     }
 }
 
-/// Checks that the registers from `address` on have the values that were set.
+/// Checks that the registers from `address` on have the values that were written.
 fn check(address: u8, set: &[u8], found: &[u8]) -> Result<(), Fault> {
     if set.len() != found.len() {
         return Err(Fault::Bus);
@@ -246,7 +246,7 @@ const ANSWERED_A: Polling = Polling {
 };
 const ANSWERED_B: Polling = Polling { receiver: ANSWER_RECEIVER_B, ..ANSWERED_A };
 
-/// Values of the no-response timer and of the timer control, registers 10 to 12: the window for an answer.
+/// Registers 10 to 12, the no-response timer and the timer control, set so that the timer ends the wait for an answer.
 const ANSWER_WINDOW: [u8; 3] = {
     let [high, low] = NO_RESPONSE_STEPS.to_be_bytes();
     [high, low, reg::TIMERS_64_FC]
@@ -350,15 +350,15 @@ enum Part {
 enum Operation {
     /// Sends a command or a write; the response is ignored.
     Send(Short),
-    /// Sends a command or a write, then waits for the interrupt at its end.
+    /// Sends a command or a write, then waits for the interrupt that reports its end.
     Run(Short, Awaited),
     Identify,
     ReadSupply,
-    /// Reads these registers back.
+    /// Reads back the registers of a setting.
     ReadBack(Setting),
-    /// Reads operation control, mode and bit rate back.
+    /// Reads back operation control, mode and bit rate.
     Verify,
-    /// Does nothing, since this chip type needs no operation here.
+    /// Does nothing, because this type of chip needs no operation at this point.
     Skip,
     End,
 }
@@ -382,7 +382,8 @@ impl Awaited {
         }
     }
 
-    /// The fault if the interrupt does not come in time; `None` for the calibration, for which the chip has a default.
+    /// The fault if the interrupt does not come in time. `None` for the RC calibration, after which the chip falls back
+    /// to a default.
     const fn fault(self) -> Option<Fault> {
         match self {
             Self::Oscillator => Some(Fault::Oscillator),
@@ -402,11 +403,11 @@ impl Awaited {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
-    /// The operation's transfer is under way.
+    /// The transfer of the operation is in progress.
     Sent,
     /// The awaited interrupt has not come yet.
     Waiting,
-    /// The interrupt registers are being read; `last` means that the wait's time is over.
+    /// The interrupt registers are being read. `last` means that the time limit of the wait is over.
     Reading { last: bool },
 }
 
@@ -461,20 +462,20 @@ impl BringUp {
         self.supply_mv
     }
 
-    /// Records a fault, which doubles the next back-off, up to 64 ms.
+    /// Records a fault, which doubles the next back-off (up to 64 ms).
     pub(crate) const fn failed(&mut self) {
         if self.failures < BACK_OFF_STEPS {
             self.failures += 1;
         }
     }
 
-    /// The time to wait before the next bring-up, µs: 1 ms after the first fault.
+    /// The back-off before the next bring-up, µs: 1 ms after the first fault.
     pub(crate) const fn back_off_us(&self) -> u32 {
         BACK_OFF_US << self.failures.saturating_sub(1)
     }
 
-    /// Records that the link works, so that the next back-off is the shortest again. It is not called at the end of
-    /// bring-up, so that there is a pause even if a chip resets right after each bring-up.
+    /// Records that the link works, so that the next back-off is the shortest again. Not called at the end of bring-up:
+    /// a chip that resets right after each bring-up must also be given a back-off.
     pub(crate) const fn works(&mut self) {
         self.failures = 0;
     }
@@ -579,8 +580,8 @@ impl BringUp {
         self.issue()
     }
 
-    /// Issues the operation at `index`, or the next one if this chip type needs none there. At most one operation in a
-    /// row is skipped and each part has an operation, so the loop runs at most three times.
+    /// Issues the operation at `index`, or the one after it if this type of chip needs none there. No two operations in
+    /// a row are skipped and each part has an operation, so the loop runs at most three times.
     fn issue(&mut self) -> Progress {
         self.phase = Phase::Sent;
         loop {
@@ -617,7 +618,8 @@ impl BringUp {
     }
 
     fn operation(&self) -> Operation {
-        // Bring-up fails if no chip type is identified, so every operation after the identity's has a type.
+        // The identity is read before every operation that depends on the type, and bring-up fails without a known
+        // type. So the default is never used.
         let variant = self.variant.unwrap_or(Variant::A);
         match self.part {
             Part::Power => self.power(variant),
@@ -633,7 +635,8 @@ impl BringUp {
         }
     }
 
-    /// The setting at `index` among those that are read back. [`CONFIGURATION_READ`] covers operation control.
+    /// The setting at `index` among those that are read back. Operation control is not among them, because
+    /// [`CONFIGURATION_READ`] covers it.
     fn in_force(&self, index: u8) -> Option<Setting> {
         match index {
             0 => Some(self.io()),
@@ -642,12 +645,13 @@ impl BringUp {
         }
     }
 
-    /// The setting to read back next; `None` means operation control, mode and bit rate, which come last.
+    /// The setting to read back next. After the last one comes `None`, which means operation control, mode and bit
+    /// rate.
     fn turn(&self) -> Option<Setting> {
         self.in_force(self.rotation)
     }
 
-    /// The transfer that reads the next setting back. It is made once for each frame.
+    /// The transfer that reads the next setting back. To be made once for each frame.
     pub(crate) fn read_next(&self) -> Short {
         self.turn().map_or(CONFIGURATION_READ, Setting::read)
     }

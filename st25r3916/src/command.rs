@@ -25,7 +25,7 @@ pub const TRANSMIT_WITH_CRC: Short = Short::new([0xC4]);
 pub const MASK_RECEIVE_DATA: Short = Short::new([0xD0]);
 /// Unmask receive data: the receiver reports the next frame.
 pub const UNMASK_RECEIVE_DATA: Short = Short::new([0xD1]);
-/// Reset the receiver's gain, which squelch and gain control have changed, to the configured value. ST's library sends
+/// Reset the receiver's gain to its configured value, which squelch and gain control have changed. ST's library sends
 /// this command before each exchange.
 pub const RESET_RECEIVER_GAIN: Short = Short::new([0xD5]);
 /// Adjust the regulators to the supply. The chip raises I_dct at the end, at most 5 ms later.
@@ -33,7 +33,7 @@ pub const ADJUST_REGULATORS: Short = Short::new([0xD6]);
 /// Measure the supply that [`crate::register::REGULATOR_CONTROL`] selects. The chip raises I_dct 25 µs later and has
 /// the result in [`crate::register::AD_RESULT`]. The oscillator must run.
 pub const MEASURE_SUPPLY: Short = Short::new([0xDF]);
-/// Clear the FIFO. The data sheet does not settle whether this also clears interrupts; the driver works either way.
+/// Clear the FIFO. The data sheet leaves open whether this also clears interrupts; the driver works in either case.
 pub const CLEAR_FIFO: Short = Short::new([0xDB]);
 /// Calibrate the RC oscillator (ST25R3916B only). The chip raises I_dct at the end, at most 5 ms later.
 pub const RC_CALIBRATION: Short = Short::new([0xEA]);

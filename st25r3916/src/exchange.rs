@@ -34,8 +34,8 @@
 //! no-response timer starts at the end of the frame. It raises I_nre if no sync has come within [`WINDOW_US`] and the
 //! time of preamble and sync. The driver does not depend on I_nre: its own wait ends a little later.
 //!
-//! An answer is read when it has ended: LEN and the payload, at most 255 bytes. Then the receiver is masked again. If a
-//! second answer has begun meanwhile, it may have emptied the FIFO during the read, and neither answer is delivered.
+//! An answer is read once it has ended: LEN and the payload, at most 255 bytes. Then the receiver is masked again. A
+//! second answer that begins before that may have emptied the FIFO during the read. Neither answer is delivered then.
 //!
 //! # Bounds
 //!
@@ -62,7 +62,7 @@
 //! | from a foreign card | [`ExchangeEvent::Answer`]: only the payload's own checks tell it |
 //! | a fault of the chip or the bus | [`ExchangeEvent::Fault`], recovered from as by a [`Poller`] |
 //!
-//! No frame is sent again. After each event the next [`Input::Start`] leads to [`ExchangeEvent::Ready`].
+//! No frame is sent a second time. After each event the next [`Input::Start`] leads to [`ExchangeEvent::Ready`].
 //!
 //! ```compile_fail
 //! // HORUS's poller has no receive path: there is no event with an answer.
@@ -86,8 +86,8 @@ use crate::sender::{SendError, SendState};
 use crate::status::{STATUS_READ, Status};
 use crate::{FRAME_US, Variant, command};
 
-/// The wait from I_txe until the receiver is unmasked, µs. The mask-receive timer, 189 µs, has run out by then, and the
-/// earliest answer's sync begins later, 197 + 113 µs after the frame.
+/// The wait from I_txe until the receiver is unmasked, µs. By then the mask-receive timer, 189 µs, has run out. The
+/// sync of the earliest answer begins later, 197 + 113 µs after the frame.
 pub const OPENS_US: u32 = 190;
 /// The driver's own limit for I_rxs, µs from the opening of the receiver: window, preamble and sync (152 µs), and a
 /// margin in which I_nre comes.
@@ -117,7 +117,7 @@ pub enum ExchangeEvent {
     Fault(Fault),
 }
 
-/// The reason why there is no answer.
+/// The reason why an exchange delivers no answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum NoAnswer {
@@ -125,7 +125,7 @@ pub enum NoAnswer {
     Silent,
     /// An answer began while the window was closing.
     Late,
-    /// An answer began within the window, but is not delivered.
+    /// An answer began within the window, but cannot be delivered.
     Dropped(Dropped),
 }
 
@@ -148,7 +148,7 @@ pub enum ExchangeState {
         /// Whether the wait before this read ended by its time limit.
         late: bool,
     },
-    /// The answer is being read.
+    /// The bytes of the answer are being read.
     ReadingFifo {
         /// The number of bytes that are read.
         count: u16,
@@ -159,7 +159,7 @@ pub enum ExchangeState {
     ResettingGain,
     /// The status is being read after the receiver was masked.
     CheckingClosed,
-    /// The result was reported.
+    /// The result of the exchange was reported.
     Over,
 }
 
@@ -179,13 +179,13 @@ pub struct ExchangeCounters {
     pub dropped: u32,
 }
 
-/// The exchange machine.
+/// The state machine of an exchange.
 #[derive(Clone, Debug)]
 pub struct Exchange {
     poller: Poller,
     state: ExchangeState,
     frame: Option<Frame>,
-    /// The result of the exchange, which is reported when the receiver is masked.
+    /// The result of the exchange, kept until the receiver is masked and the result is reported.
     result: Result<(usize, FrameFlags), NoAnswer>,
     idle_irqs: u8,
     answers: u32,
@@ -262,7 +262,7 @@ impl Exchange {
     /// Prepares the chip for a frame, see [`Poller::prepare`].
     ///
     /// # Errors
-    /// [`SendError`]; the machine is unchanged.
+    /// [`SendError`] if the chip is not prepared or the length is wrong. Then the machine is unchanged.
     pub fn prepare(&mut self, len: usize) -> Result<Step<ExchangeEvent>, SendError> {
         if self.state != ExchangeState::Polling {
             return Err(SendError::NotReady);
@@ -332,8 +332,8 @@ impl Exchange {
         })
     }
 
-    /// Returns the status that the poller has read, if it shows that an answer has begun. A late executor finds such a
-    /// status: the frame has been sent, and the FIFO holds the answer.
+    /// Returns the status that the poller has read, if that status shows the begin of an answer. This happens when the
+    /// executor is late: the frame has been sent, and the FIFO already holds the answer.
     fn answer_before(&self, input: Input<'_>) -> Option<Status> {
         let PollerState::Sending(SendState::ReadingIrqs { .. }) = self.poller.state() else { return None };
         let Input::Done(response) = input else { return None };
@@ -409,7 +409,7 @@ impl Exchange {
         }
     }
 
-    /// Waits again after an interrupt whose status shows no cause.
+    /// Waits again after an interrupt for which the status shows no cause.
     fn idle(&mut self) -> Step<ExchangeEvent> {
         self.idle_irqs += 1;
         if self.idle_irqs >= IDLE_IRQS {
@@ -424,7 +424,8 @@ impl Exchange {
         self.short(ExchangeState::Closing, command::MASK_RECEIVE_DATA)
     }
 
-    /// Reports the result. An answer that began after the last status read may have emptied the FIFO during a read.
+    /// Reports the result of the exchange. An answer that began after the last status read may have emptied the FIFO
+    /// during a read.
     fn closed(&mut self, status: Status) -> Step<ExchangeEvent> {
         self.state = ExchangeState::Over;
         let begun = status.is_set(reg::IRQ_RXS | reg::IRQ_RXE);

@@ -13,12 +13,13 @@ use core::num::NonZeroUsize;
 use crate::machine::{Input, Short, Step, Transfer};
 use crate::{Answerer, AnswererEvent, Exchange, ExchangeEvent, Listener, ListenerEvent, Poller, PollerEvent};
 
-/// The longest duration of a transfer, µs. 258 bytes at 8 MHz take 258 µs; the rest is margin.
+/// The longest duration of a transfer, µs. A transfer of 258 bytes takes 258 µs at 8 MHz; the rest is margin.
 pub const TRANSFER_US: u32 = 1_000;
 
-/// The number of steps without a transfer or a wait after which a call returns. The machines need two at most.
+/// The number of steps in one call, none of them a transfer or a wait, after which the call returns. The machines need
+/// two at most.
 const STEPS: u32 = 8;
-/// The pause, µs, after a machine has taken [`STEPS`] such steps.
+/// The pause, µs, after a call that took [`STEPS`] steps without a transfer or a wait.
 const PAUSE_US: u32 = 1_000;
 
 /// The machine that an executor drives: [`Poller`], [`Listener`], [`Exchange`] or [`Answerer`].
@@ -71,23 +72,23 @@ pub trait Port {
     /// Starts this full-duplex transfer, with chip select low from its first to its last bit.
     fn start_short(&mut self, short: &Short);
 
-    /// Starts a [`Transfer::Load`]. Returns false if the payload has no such bytes. A listener needs no loads.
+    /// Starts a [`Transfer::Load`]. Returns false if the payload does not have these bytes. A listener needs no loads.
     fn start_load(&mut self, offset: usize, len: usize) -> bool {
         let _ = (offset, len);
         false
     }
 
-    /// Starts a [`Transfer::Read`]. Returns false if the buffer has no such bytes. A poller needs no reads.
+    /// Starts a [`Transfer::Read`]. Returns false if the buffer does not have these bytes. A poller needs no reads.
     fn start_read(&mut self, offset: usize, len: usize) -> bool {
         let _ = (offset, len);
         false
     }
 
-    /// Whether the transfer has ended, with or without success, and chip select is high again. After it has returned
+    /// Whether the transfer has ended, with or without success, and chip select is high again. Once this has returned
     /// true, the executor does not call it again before the next transfer.
     fn ended(&mut self) -> bool;
 
-    /// The bytes that the ended transfer has clocked in, as [`Input::Done`] describes them.
+    /// Returns the bytes that came in during the transfer that has ended, as [`Input::Done`] describes them.
     ///
     /// # Errors
     ///
@@ -111,12 +112,12 @@ pub trait Port {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Waiting {
     Transfer,
-    /// The IRQ pin or the timer, whichever comes first.
+    /// The IRQ pin or the end of the timer, whichever comes first.
     IrqOrTime,
     Time,
-    /// The timer, before the machine continues after an event.
+    /// The end of the timer, before the machine continues after an event.
     Later,
-    /// The owner, which has got an event and has not called the executor since.
+    /// The owner's next call: the owner has got an event and has not called the executor since.
     Owner,
 }
 
@@ -127,9 +128,11 @@ pub struct Executor<M, P> {
     port: P,
     waiting: Waiting,
     loading: bool,
-    /// The number of bytes of the frame in the buffer once the present read has ended; `None` if no read is running.
+    /// The number of bytes of the frame that the buffer will hold when the present read has ended; `None` between
+    /// reads.
     reading_to: Option<NonZeroUsize>,
-    /// The number of bytes of the frame in the buffer after the read that has just ended, if one has.
+    /// The number of bytes of the frame that are in the buffer after the read that has just ended; `None` if no read
+    /// has.
     arrived: Option<NonZeroUsize>,
 }
 
@@ -139,7 +142,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
         Self { machine, port, waiting: Waiting::Owner, loading: false, reading_to: None, arrived: None }
     }
 
-    /// The machine.
+    /// The state machine that the executor drives.
     pub const fn machine(&self) -> &M {
         &self.machine
     }
@@ -149,7 +152,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
         &mut self.port
     }
 
-    /// Whether a FIFO load is under way, so that the bytes of the payload must not change.
+    /// Whether a FIFO load is in progress, during which the payload's bytes must not change.
     pub const fn is_loading(&self) -> bool {
         self.loading
     }
@@ -159,8 +162,8 @@ impl<M: Machine, P: Port> Executor<M, P> {
         matches!(self.waiting, Waiting::IrqOrTime | Waiting::Time | Waiting::Later)
     }
 
-    /// The number of bytes of the present frame that are in the buffer, LEN included. It is returned once for each read
-    /// that has ended. `None` while a further read runs, because the buffer must not be read then.
+    /// The number of bytes of the present frame in the buffer, LEN included, returned once for each read that has
+    /// ended. `None` while a further read runs, because the buffer must not be read then.
     pub fn take_arrived(&mut self) -> Option<usize> {
         self.arrived.take().filter(|_| self.reading_to.is_none()).map(NonZeroUsize::get)
     }
@@ -189,12 +192,12 @@ impl<M: Machine, P: Port> Executor<M, P> {
         self.carry_out(step)
     }
 
-    /// Continues after an event, with [`Input::Start`].
+    /// Makes the machine continue after an event, with [`Input::Start`].
     pub fn resume(&mut self) -> Option<M::Event> {
         self.go_on(|machine| machine.step(Input::Start))
     }
 
-    /// Makes the machine continue after an event by `take`. During a transfer or a wait this has no effect.
+    /// Makes the machine continue after an event by calling `take`. Has no effect during a transfer or a wait.
     pub fn go_on(&mut self, take: impl FnOnce(&mut M) -> Step<M::Event>) -> Option<M::Event> {
         if self.waiting != Waiting::Owner {
             return None;
@@ -203,7 +206,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
         self.carry_out(step)
     }
 
-    /// Continues after an event with [`Input::Start`], `us` µs later.
+    /// Makes the machine continue after an event, with [`Input::Start`], `us` µs later.
     pub fn resume_later(&mut self, us: u32) {
         self.wait(Waiting::Later, us);
     }
@@ -212,7 +215,8 @@ impl<M: Machine, P: Port> Executor<M, P> {
         for _ in 0..STEPS {
             step = match step {
                 Step::Transfer(transfer) => {
-                    // The transfer is started first, since its time limit can be set while it runs.
+                    // The transfer is started before its time limit, since the limit can be set while the transfer
+                    // runs.
                     if self.start(transfer) {
                         self.wait(Waiting::Transfer, TRANSFER_US);
                         return None;
@@ -221,7 +225,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
                 }
                 Step::Wait { us } => {
                     self.wait(Waiting::IrqOrTime, us);
-                    // The IRQ pin may already be high, or high again; then no edge and no interrupt comes.
+                    // If the IRQ pin is high already, no edge and so no interrupt will come.
                     if !self.port.irq_is_high() {
                         return None;
                     }

@@ -1,8 +1,8 @@
 //! Driver for ST's NFC front ends ST25R3916 and ST25R3916B: NFC-F at 424 kbit/s, poller and listener.
 //!
-//! A [`Poller`] keeps its field on and sends frames of 1 to 254 bytes; it never listens. A [`Listener`] receives them;
-//! it never answers, and its registers are set so that it cannot. There is no activation, no acknowledgement and no
-//! retry: a lost frame stays lost, and both ends recover by themselves.
+//! A [`Poller`] keeps its field on and sends frames of 1 to 254 bytes; it never listens. A [`Listener`] receives these
+//! frames. It never answers, and its registers are set so that it cannot. There is no activation, no acknowledgement
+//! and no retry: a lost frame stays lost, and both ends recover by themselves.
 //!
 //! Where data have to come back, an [`Exchange`] replaces the poller and an [`Answerer`] the listener: each frame gets
 //! at most one answer, within a fixed window.
@@ -300,8 +300,8 @@ pub use sender::{SendError, SendState};
 
 /// The longest wait for a stable oscillator, µs (typically 0.7 ms).
 pub const OSCILLATOR_US: u32 = 10_000;
-/// The longest wait for the RC calibration of an ST25R3916B, µs (5 ms in the data sheet). Bring-up then continues even
-/// if the interrupt at the calibration's end has not come.
+/// The longest wait for the RC calibration of an ST25R3916B, µs (5 ms in the data sheet). After that time the bring-up
+/// continues even without the interrupt at the calibration's end.
 pub const CALIBRATION_US: u32 = 6_000;
 /// The longest wait for the supply measurement, µs (25 µs in the data sheet).
 pub const MEASUREMENT_US: u32 = 1_000;
@@ -347,7 +347,7 @@ mod tests {
 
     #[test]
     fn air_times_are_those_of_the_bit_rate() {
-        // The exact values are 4.814159 ms and 5.002950 ms.
+        // The exact air times are 4.814159 ms and 5.002950 ms.
         assert_eq!((air_time_us(244), air_time_us(254)), (4_815, 5_003));
         for payload in 0..=255_u8 {
             let carrier_periods = (48 + 16 + 8 * (1 + u64::from(payload) + 2)) * 32;

@@ -102,21 +102,23 @@ pub const BODY: usize = 30;
 /// byte gives its end only to a whole byte. If the third read is still under way at the frame's end, the delivery is
 /// late.
 pub const TAIL: usize = 6;
-/// The number of bytes that must have arrived before the first read of [`ReadMode::WhileFilling`] begins.
+/// How many bytes must have arrived before the first read of [`ReadMode::WhileFilling`] begins.
 const HEAD: u16 = 16;
-/// The number of bytes that an early read leaves in the FIFO, so that the FIFO never runs dry while the chip fills it.
+/// The number of bytes that an early read leaves in the FIFO. The chip still fills the FIFO then, and it must not run
+/// dry.
 const MARGIN: u16 = 1;
-/// The number of bytes whose reading takes so long, even at 10 MHz, that another byte arrives meanwhile. A third read
-/// of so many bytes leaves no [`MARGIN`] if LEN announces more bytes, since little time is left after that read.
+/// A read of this many bytes lasts so long, even at 10 MHz, that another byte arrives meanwhile. If LEN announces more
+/// bytes, a third read of so many bytes leaves no [`MARGIN`] in the FIFO, since little time is left afterwards.
 const REFILLED: u16 = 24;
 const _: () =
     assert!((1 + REFILLED as u32) * 800 > 18_879, "ns of the command and the bytes at 10 MHz, and of one on air");
-/// The time of a read without its bytes, µs: status and command, 10 bytes of 1 µs at 8 MHz.
+/// The time that a read takes besides its bytes, µs: status and command are 10 bytes of 1 µs at 8 MHz.
 const READ_OVERHEAD_US: u16 = 10;
 /// The time without a delivered frame after which a listener is brought up again, µs: 50 cycles of 10 ms. The listener
 /// adds up its waits, so the true time may be longer.
 pub const SILENCE_US: u32 = 500_000;
-/// The longest time to a bring-up for silence, µs. The time doubles with each such bring-up in a row.
+/// The longest time without a frame before a bring-up for silence, µs. The time doubles with each such bring-up in a
+/// row.
 pub const SILENCE_LONGEST_US: u32 = SILENCE_US << SILENCE_DOUBLINGS;
 const SILENCE_DOUBLINGS: u8 = 4;
 /// The time, µs, that each wait for a frame and each frame within another adds to the time of silence. So a deaf
@@ -138,14 +140,14 @@ pub const BUFFER: usize = 257;
 /// The offset of the payload in the receive buffer; the byte before the payload is LEN.
 pub const PAYLOAD_OFFSET: usize = 1;
 
-/// The instants at which a listener reads the FIFO.
+/// The instants at which a listener reads the frame from the FIFO.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ReadMode {
     /// The listener reads the whole frame at once after its end (I_rxe).
     StoreAndForward,
-    /// The listener reads while the frame arrives, at instants computed from the bit rate and LEN, so that few bytes
-    /// are left to read when the frame ends.
+    /// The listener reads while the frame arrives, so that few bytes are left to read when the frame ends. The instants
+    /// of reading are computed from the bit rate and LEN.
     #[default]
     WhileFilling,
 }
@@ -154,9 +156,9 @@ pub enum ReadMode {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ListenerConfig {
-    /// The instants at which the FIFO is read.
+    /// The instants at which the frame is read from the FIFO.
     pub read_mode: ReadMode,
-    /// The interval at which the chip is checked and re-armed while no frame comes, µs.
+    /// The interval at which the chip is checked, and its receiver re-armed, while no frame comes, µs.
     pub supervision_us: u32,
 }
 
@@ -246,7 +248,7 @@ pub enum Dropped {
     Overrun,
 }
 
-/// A listener's event. The caller may swap the frame buffer on any event.
+/// A listener's event. On any event the caller may exchange the frame buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ListenerEvent {
@@ -261,9 +263,9 @@ pub enum ListenerEvent {
     },
     /// A frame began but is not delivered.
     Dropped(Dropped),
-    /// The poller's field is there.
+    /// The poller's field has come on.
     FieldOn,
-    /// The poller's field is gone.
+    /// The poller's field has gone off.
     FieldOff,
     /// The chip has failed. [`Input::Start`] brings it up again.
     Fault(Fault),
@@ -309,11 +311,11 @@ impl ListenerCounters {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ListenerState {
-    /// The chip needs a bring-up, which the next step begins: no bring-up has been made yet, or silence was reported.
+    /// The chip needs a bring-up, which the next step begins. Either no bring-up was made yet, or silence was reported.
     New,
     /// A fault was reported, and the chip needs a bring-up.
     Faulted,
-    /// Waiting before the next bring-up.
+    /// The listener waits before the next bring-up.
     BackingOff,
     /// The chip is being brought up.
     BringingUp,
@@ -327,13 +329,13 @@ pub enum ListenerState {
     RearmClear,
     /// Re-arming: the receiver is being unmasked.
     RearmUnmask,
-    /// Waiting for a frame.
+    /// The listener waits for a frame.
     Listening,
-    /// Waiting for the rest of a frame.
+    /// The listener waits for the remaining bytes of a frame.
     Receiving,
     /// The status is being read, within or outside a frame.
     ReadingStatus {
-        /// Whether the wait before this read ended by its time limit.
+        /// Whether the wait before this status read ended by its time limit.
         late: bool,
     },
     /// The receiver is re-armed, and one of the settings of bring-up is being read back.
@@ -342,14 +344,14 @@ pub enum ListenerState {
     CheckingConfiguration,
     /// The field detector's output is being read after a bring-up, or after a wait without an event.
     CheckingField {
-        /// Whether this follows a wait without an event, so that the receiver is re-armed afterwards.
+        /// Whether this read follows a wait without an event, so that the receiver is re-armed afterwards.
         idle: bool,
     },
     /// Bytes of a frame are being read.
     ReadingFifo {
         /// The number of bytes that are read.
         count: u16,
-        /// Whether the frame has ended, so that these bytes are its last.
+        /// Whether the frame has ended, so that this read takes its last bytes.
         end: bool,
     },
 }
@@ -383,7 +385,7 @@ enum Plan {
     End,
 }
 
-/// The listener machine.
+/// The state machine of a listener.
 #[derive(Clone, Debug)]
 pub struct Listener {
     config: ListenerConfig,
@@ -472,7 +474,7 @@ impl Listener {
             return self.fault(Fault::Bus);
         }
         match (self.state, input) {
-            // These states follow an event that needs a bring-up.
+            // A bring-up is due in these states.
             (ListenerState::New, _) | (ListenerState::BackingOff, Input::Timeout) => {
                 self.state = ListenerState::BringingUp;
                 let progress = self.bring_up.begin();
@@ -533,7 +535,7 @@ impl Listener {
                         if display & reg::DISPLAY_FIELD == 0 { (false, reg::IRQ_EOF) } else { (true, reg::IRQ_EON) };
                     self.field_irqs = if there == self.field_on { 0 } else { irq };
                 }
-                // The status is read again before re-arming, because a frame may have begun since the last status read.
+                // A frame may have begun since the last status read, so the status is read again before re-arming.
                 if idle {
                     self.short(ListenerState::RearmStatus, STATUS_READ)
                 } else {
@@ -560,7 +562,8 @@ impl Listener {
         self.silent_us = 0;
         count(&mut self.counters.faults);
         let state = if let Fault::Silence { .. } = fault {
-            // The next bring-up follows at once, without a back-off; `silences` doubles the time to the next silence.
+            // Silence leads to a bring-up without a back-off. Instead, `silences` doubles the time to the next report
+            // of silence.
             ListenerState::New
         } else {
             self.field_on = false;
@@ -589,7 +592,7 @@ impl Listener {
         if status.is_set(reg::IRQ_RXS) {
             self.status_begins(status)
         } else if status.is_quiet() && status.count == 0 && !status.flow_error() {
-            // The FIFO is empty, so it needs no clear, which could discard the I_rxs of a frame that begins just now.
+            // The FIFO is empty and is not cleared. A clear could discard the I_rxs of a frame that begins just now.
             self.short(ListenerState::RearmUnmask, command::UNMASK_RECEIVE_DATA)
         } else {
             self.short(ListenerState::RearmClear, command::CLEAR_FIFO)
@@ -677,7 +680,8 @@ impl Listener {
 
     /// Begins a frame. If the status shows I_rxe without I_rxs, the frame is over already, and its I_rxs was cleared.
     fn status_begins(&mut self, status: Status) -> Step<ListenerEvent> {
-        // A frame proves that there is a field, even if I_eon has not reported it, as at a start with the field on.
+        // A frame proves that there is a field, even without a report by I_eon, for example if the field was on at the
+        // start.
         self.field_on = true;
         self.begin_frame(status);
         if status.is_set(reg::IRQ_RXE) { self.frame_ends(status) } else { self.wait() }
@@ -692,8 +696,8 @@ impl Listener {
             return self.fault(Fault::Executor);
         };
         if status.is_set(reg::IRQ_RXS) {
-            // The chip resets the FIFO at each I_rxs, so unread bytes are lost. If I_rxe came as well, it is unknown
-            // which of the two frames has ended.
+            // The chip resets the FIFO at each I_rxs, so the unread bytes of the first frame are lost. If I_rxe came as
+            // well, it is unknown which of the two frames has ended.
             if status.is_set(reg::IRQ_RXE) {
                 return self.lose(Dropped::Overrun);
             }
@@ -799,7 +803,7 @@ impl Frame {
         }
     }
 
-    /// Adds the flags that a status read during this frame shows.
+    /// Adds the flags of a status that was read during this frame.
     pub(crate) fn note(&mut self, status: Status) {
         let flag = |set: bool, flag: FrameFlags| if set { flag } else { FrameFlags::empty() };
         let ended = status.is_set(reg::IRQ_RXE);
@@ -809,17 +813,17 @@ impl Frame {
             .union(flag(status.error & reg::IRQ_FRAMING != 0, FrameFlags::FRAMING))
             .union(flag(status.fifo & reg::FIFO_OVERFLOW != 0, FrameFlags::OVERFLOW))
             .union(flag(status.fifo & reg::FIFO_UNDERFLOW != 0, FrameFlags::UNDERFLOW))
-            // Before the end an incomplete last byte is normal.
+            // While the frame still arrives, an incomplete last byte is normal.
             .union(flag(ended && status.fifo & reg::FIFO_LAST_BITS != 0, FrameFlags::PARTIAL));
     }
 
     /// Ends the frame. Returns the number of bytes that are still to be read, from [`Frame::got`] on.
     ///
     /// # Errors
-    /// The reason why the frame is not delivered.
+    /// The reason why the frame that has ended is not delivered.
     pub(crate) fn ends(&mut self, status: Status) -> Result<u16, Dropped> {
-        // If a frame broke off within a byte, the FIFO's level counts that byte, but the byte is left out of the frame.
-        // An early read may have taken the incomplete byte already.
+        // The FIFO's level counts a byte within which the frame broke off, but this byte is not part of the frame. An
+        // early read may have taken it already.
         let mut count = status.count;
         if self.flags.contains(FrameFlags::PARTIAL) {
             match count.checked_sub(1) {
@@ -837,7 +841,7 @@ impl Frame {
         }
     }
 
-    /// Records a read of `count` bytes; `first` is the first of them.
+    /// Records a read of `count` bytes of the frame, of which `first` is the first byte.
     pub(crate) fn was_read(&mut self, count: u16, first: Option<u8>) {
         if self.got == 0 {
             self.total = first.map(|len| u16::from(len) + 2);
@@ -846,7 +850,7 @@ impl Frame {
         self.read_us = count + READ_OVERHEAD_US;
     }
 
-    /// The length of a complete frame's payload, and the frame's flags.
+    /// The payload's length of a complete frame, and the frame's flags.
     pub(crate) fn delivered(&self) -> (usize, FrameFlags) {
         let received = self.got + self.unread;
         let flags = if self.total == Some(received) { self.flags } else { self.flags.union(FrameFlags::LENGTH) };
@@ -873,7 +877,7 @@ impl Frame {
                 Plan::Tail => TAIL as u16,
                 Plan::End => return left_us,
             };
-            // This number of bytes had arrived when the last read was decided on.
+            // This many bytes of the frame had arrived when the status before the last read was evaluated.
             let arrived = self.got + MARGIN;
             if let Some(total) = self.total
                 && total > arrived + to_come

@@ -43,8 +43,8 @@ impl Short {
     }
 }
 
-/// One SPI transfer with chip select low from its first bit to its last: SPI mode 1 (CPOL 0, CPHA 1), most significant
-/// bit first, at most 10 MHz (DS13541, SPI interface).
+/// One SPI transfer, with chip select low throughout: SPI mode 1 (CPOL 0, CPHA 1), most significant bit first, at most
+/// 10 MHz (DS13541, SPI interface).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Transfer {
@@ -73,7 +73,7 @@ pub enum Transfer {
 pub enum Input<'a> {
     /// Begin, or continue after a [`Step::Event`].
     Start,
-    /// The requested transfer is over and chip select is high again.
+    /// The requested transfer has ended, and chip select is high again.
     ///
     /// After a [`Transfer::Short`] the bytes are those clocked in, as many as were sent (the first is meaningless).
     /// After a [`Transfer::Read`] they are the bytes just read. After a [`Transfer::Load`] there are none.
@@ -110,7 +110,8 @@ pub enum Step<E> {
 }
 
 impl<E> Step<E> {
-    /// Converts a step of one machine to a step of another; `event` converts an event.
+    /// Converts a step of one machine to a step of another. The function `event` converts the event, if the step has
+    /// one.
     pub(crate) fn map<F>(self, event: impl FnOnce(E) -> Step<F>) -> Step<F> {
         match self {
             Self::Transfer(transfer) => Step::Transfer(transfer),
@@ -121,7 +122,7 @@ impl<E> Step<E> {
     }
 }
 
-/// The reason why a machine gave up its operation. After [`Input::Start`] the machine recovers by itself.
+/// The reason why a state machine gave up its operation. After [`Input::Start`] the machine recovers by itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Fault {
@@ -151,8 +152,8 @@ pub enum Fault {
     },
     /// The chip was reset since bring-up, by a power-up or a brown-out, and has lost its configuration.
     Reset,
-    /// Listener, answerer: no frame was delivered for [`crate::listener::SILENCE_US`], or, after the first silence in a
-    /// row, for twice as long each time. A silent poller and a deaf listener look the same.
+    /// In a listener or answerer: no frame was delivered for [`crate::listener::SILENCE_US`] or, after the first
+    /// silence in a row, for twice as long each time. A silent poller and a deaf listener look the same.
     Silence {
         /// Whether the chip detects the poller's field.
         field: bool,

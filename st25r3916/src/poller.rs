@@ -107,7 +107,7 @@ pub const fn rest_within_us(spi_hz: u32) -> Option<u32> {
 pub struct PollerConfig {
     /// The state of the receiver: off, or on and masked.
     pub receiver: ReceiverMode,
-    /// After a frame, fail with [`Fault::FifoCount`] if bytes are left in the FIFO.
+    /// Whether the poller fails with [`Fault::FifoCount`] if bytes are left in the FIFO after a frame.
     pub check_left_over: bool,
     /// Whether the poller fails with [`Fault::FieldDropped`] if oscillator or transmitter is off between frames.
     pub check_field: bool,
@@ -140,9 +140,11 @@ pub enum PollerEvent {
     /// The FIFO holds the first bytes of the frame. The owner performs [`Poller::transmit`] at its chosen instant, then
     /// gives [`Input::Done`]. [`Input::Start`] gives the frame up instead.
     Loaded,
-    /// The chip has sent the frame. [`Input::Start`] checks the chip and leads to [`PollerEvent::Ready`].
+    /// The chip has sent the frame. [`Input::Start`] makes the poller check the chip, which leads to
+    /// [`PollerEvent::Ready`].
     Sent {
-        /// Whether the interrupt I_txe confirmed the end. If not, the frame's time is over and the FIFO is empty.
+        /// Whether the interrupt I_txe confirmed the end of the frame. If not, the frame's time is over and the FIFO is
+        /// empty.
         confirmed: bool,
     },
     /// The frame is lost, or the chip has failed. [`Input::Start`] begins the recovery, which leads to
@@ -160,7 +162,7 @@ pub enum PollerState {
     Faulted,
     /// A lost frame was reported as a fault, and the chip needs to be stopped and checked.
     FrameLost,
-    /// Waiting before the next bring-up.
+    /// The poller waits before the next bring-up.
     BackingOff,
     /// The chip is being brought up.
     BringingUp,
@@ -188,7 +190,7 @@ pub enum PollerState {
 pub struct PollerCounters {
     /// Frames sent.
     pub sent: u32,
-    /// Frames whose end I_txe did not confirm.
+    /// Frames of which the interrupt I_txe did not confirm the end.
     pub unconfirmed: u32,
     /// Faults reported.
     pub faults: u32,
@@ -198,7 +200,7 @@ pub struct PollerCounters {
     pub flow: u32,
 }
 
-/// The poller machine.
+/// The state machine of a poller.
 #[derive(Clone, Debug)]
 pub struct Poller {
     config: PollerConfig,
@@ -270,7 +272,7 @@ impl Poller {
     /// was [`PollerEvent::Ready`] or [`PollerEvent::Prepared`].
     ///
     /// # Errors
-    /// [`SendError`]; the machine is unchanged.
+    /// [`SendError`] if no frame can be prepared now. Then the machine is unchanged.
     pub fn prepare(&mut self, len: usize) -> Result<Step<PollerEvent>, SendError> {
         let begun = self.sender.prepare(len, self.is_ready())?;
         Ok(self.sending(begun))
@@ -281,7 +283,7 @@ impl Poller {
         if matches!(input, Input::Failed) {
             return self.fault(Fault::Bus);
         }
-        // The steps that an owner makes at exact instants come first: the loads of the head and of the rest.
+        // The loads of the frame's head and rest come first, because the owner makes them at exact instants.
         let at_once = match (self.state, input) {
             (PollerState::Sending(SendState::Prepared), _) => Some(self.sender.head()),
             (PollerState::Sending(SendState::Loaded), Input::Done(_)) => Some(self.sender.rest()),
@@ -291,7 +293,7 @@ impl Poller {
             return self.sending(sending);
         }
         match (self.state, input) {
-            // These states follow an event.
+            // The first arms handle states in which the last step was an event.
             (PollerState::New, _) => self.begin_bring_up(),
             (PollerState::FrameLost, _) => self.short(PollerState::Stopping, command::STOP),
             (PollerState::Ready | PollerState::Sent, _) | (PollerState::Sending(SendState::Loaded), Input::Start) => {

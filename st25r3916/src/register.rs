@@ -4,8 +4,8 @@
 //! *seen* were also observed on a real ST25R3916 (public SPI captures). Addresses are of space A unless the name starts
 //! with `B_`.
 //!
-//! The data sheet has no values of the receive chain, of the antenna tuning and of the supply measurement for this use.
-//! They follow public drivers, which have these short names here:
+//! For some values of the receive chain, of the antenna tuning and of the supply measurement the data sheet does not
+//! help. They follow public drivers, which have these short names here:
 //!
 //! | short | repository, file |
 //! |---|---|

@@ -1,7 +1,7 @@
-//! The sending of one frame, as a part of a machine: from the frame's preparation to its last bit.
+//! The sending of one frame, from its preparation to its last bit, as a part of a larger state machine.
 //!
-//! A poller's frame and an answer have these steps in common; [`crate::poller`] describes them. The machine around them
-//! determines when a frame is prepared, and how a failure is recovered from.
+//! A poller and an answerer both use these steps, which [`crate::poller`] describes. The machine around them determines
+//! when a frame is prepared, and how a failure is recovered from.
 
 use crate::bring_up::IDLE_IRQS;
 use crate::machine::{Fault, Input, Short, Transfer};
@@ -9,11 +9,11 @@ use crate::register as reg;
 use crate::status::{STATUS_READ, Status};
 use crate::{air_time_us, command};
 
-/// The time, µs, after a frame's air time at which its end counts as missing. Recordings show the first bit 3 to 5 µs
-/// after the command. If I_txe never comes, this margin and the preparation of the next frame must fit between two
-/// frames.
+/// How long after a frame's air time its end counts as missing, µs. Recordings show the first bit 3 to 5 µs after the
+/// command. If I_txe never comes, this margin and the preparation of the next frame must fit between two frames.
 pub const TRANSMIT_MARGIN_US: u32 = 100;
-/// The number of payload bytes that are in the FIFO before the transmit command; the rest is loaded after it.
+/// The number of payload bytes that are loaded into the FIFO before the transmit command. The rest is loaded after the
+/// command.
 pub const HEAD: usize = 16;
 
 /// The state of a frame that is being sent; the diagram in [`crate::poller`] has the order.
@@ -38,16 +38,16 @@ pub enum SendState {
     OnAir,
     /// The interrupt registers are being read while the frame is on air.
     ReadingIrqs {
-        /// Whether the frame's time is over, so that this read decides whether the frame was sent.
+        /// Whether the time for the frame is over. If so, the result of this read decides whether the frame was sent.
         last: bool,
     },
 }
 
-/// The reason why a frame cannot be prepared now. The machine is unchanged.
+/// The reason why a frame cannot be prepared now. The machine stays unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum SendError {
-    /// The last step was not an event that permits a new frame.
+    /// The machine's last step was not an event after which a new frame may be sent.
     NotReady,
     /// The payload is empty or longer than [`crate::poller::MAX_PAYLOAD`].
     Length,
@@ -59,7 +59,7 @@ pub(crate) enum Sending {
     /// Wait for the IRQ pin, at most this many µs.
     Wait(SendState, u32),
     Prepared,
-    /// The FIFO holds the first bytes, and the transmit command is due.
+    /// The FIFO holds the first bytes of the payload, and the transmit command is due.
     Loaded,
     Sent {
         confirmed: bool,
@@ -80,10 +80,10 @@ impl Sender {
         Self { check_left_over, len: 0, idle_irqs: 0 }
     }
 
-    /// Begins a frame of `len` payload bytes if `ready`, that is if the machine's state permits a new frame.
+    /// Begins a frame of `len` payload bytes. `ready` says whether the machine's state permits a new frame.
     ///
     /// # Errors
-    /// [`SendError`]; nothing has been changed.
+    /// [`SendError`] if no frame can begin. Then nothing is changed.
     pub(crate) fn prepare(&mut self, len: usize, ready: bool) -> Result<Sending, SendError> {
         let Ok(len @ 1..=254) = u8::try_from(len) else {
             return Err(SendError::Length);
@@ -169,8 +169,8 @@ impl Sender {
     }
 }
 
-/// Whether a fault lost one frame and nothing else, as far as is known. The chip is then stopped and cleared, and
-/// brought up again only if the next frame is lost, too.
+/// Whether the fault lost one frame and, as far as is known, nothing else. Then the chip is stopped and cleared. It is
+/// brought up again only if the next frame is lost too.
 pub(crate) const fn is_light(fault: Fault) -> bool {
     matches!(fault, Fault::NoTransmitEnd | Fault::FifoFlow | Fault::FifoCount { .. })
 }

@@ -26,9 +26,9 @@ impl Status {
     /// Parses the response to [`STATUS_READ`].
     ///
     /// # Errors
-    /// [`Fault::Bus`] if no chip gives this response (wrong length, or a level beyond the FIFO's size, as on a line
-    /// that is stuck high). [`Fault::Reset`] if the mask register has its reset value. [`Fault::Register`] if the mask
-    /// register otherwise differs from its setting.
+    /// [`Fault::Bus`] if the response cannot come from the chip: it has the wrong length, or a level beyond the FIFO's
+    /// size, as on a line that is stuck high. [`Fault::Reset`] if the mask register has its reset value.
+    /// [`Fault::Register`] if it differs from its setting in another way.
     pub(crate) fn parse(response: &[u8]) -> Result<Self, Fault> {
         let &[_, mask, main, timer, error, target, low, high] = response else {
             return Err(Fault::Bus);

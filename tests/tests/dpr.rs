@@ -26,14 +26,14 @@ const WORDS: usize = 65;
 /// Fills a buffer with a pattern and reads it back, as a scrub does with each of its two patterns. Sound memory has no
 /// bit that differs.
 ///
-/// The function is inlined like a scrub's own passes, so that the compiler generates the same code for both.
+/// The function is inlined as it is in a scrub, so that the compiler generates the same code for both places.
 #[inline(always)]
 fn pass(memory: &mut [u32; WORDS], pattern: u32) {
     memory.fill(pattern);
     defmt::assert!(memory.differing_bits(pattern) == 0);
 }
 
-// The suite starts no watchdog, because it would not feed one.
+// The suite starts no watchdog, because it would have to feed it.
 firmware_common::install_start!([]);
 
 #[defmt_test::tests]
@@ -103,15 +103,16 @@ mod tests {
         let mut memory = [0xA5A5_5A5A; WORDS];
         let ones = cycles.over([()], |()| pass(&mut memory, u32::MAX));
         let zeros = cycles.over([()], |()| pass(&mut memory, 0));
-        // The buffer is behind a reference, as in the firmware, so that no copy is timed.
+        // The buffer is used through a reference, as in the firmware. So no copy of it is timed.
         let scrub = cycles.over([()], |()| {
             defmt::assert!(Dirty::new(&mut memory).scrub().is_ok());
         });
-        // To read a word back and count its bits takes more than two instructions.
+        // Reading a word back and counting its bits takes more than two instructions, so a scrub that leaves this out
+        // is too fast.
         ones.assert_at_least("fill and read-back of ones", 2 * WORDS as u32);
         zeros.assert_at_least("fill and read-back of zeros", 2 * WORDS as u32);
-        // A sixteenth is allowed for the reading of the counter and, on a board, for how the code lies in the flash.
-        // Reading back takes nine tenths of a pass.
+        // The limit allows a sixteenth for the reading of the counter and, on a board, for where the code lies in the
+        // flash. Reading back takes nine tenths of a pass.
         let both = ones.min + zeros.min;
         scrub.assert_at_least("both passes of a scrub", both - both / 16);
     }

@@ -15,7 +15,7 @@ struct Start {
     bitten: bool,
 }
 
-// The start code starts no watchdog, because the suite would not feed one.
+// The start code must not start the watchdog, because the suite would not feed it.
 firmware_common::install_start!([]);
 
 #[defmt_test::tests]
@@ -42,7 +42,8 @@ mod tests {
     #[test]
     fn the_watchdog_bites_once(start: &mut Start) {
         if start.bitten {
-            // The reset also cleared a debugger's breakpoints and settings, which the runner makes again meanwhile.
+            // The watchdog's reset has also cleared a debugger's breakpoints and settings. During this delay the runner
+            // makes them again.
             cortex_m::asm::delay(AGAIN);
             return;
         }

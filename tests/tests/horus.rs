@@ -25,7 +25,7 @@ mod tests {
     fn init() -> Cycles {
         let core = defmt::unwrap!(cortex_m::Peripherals::take());
         let device = defmt::unwrap!(pac::Peripherals::take());
-        // These are the firmware's clocks, since on a board the wait states of the flash depend on the clock.
+        // The suite runs on the firmware's clocks, since a board's wait states of the flash depend on the clock.
         let config = Config::hse(8.MHz())
             .bypass_hse_oscillator()
             .sysclk(timing::CORE_HZ.Hz())
@@ -59,8 +59,8 @@ mod tests {
 
     #[test]
     fn sealing_and_verifying_take_bounded_and_constant_cycles(cycles: &mut Cycles) {
-        // After the check of each of the four objects the code jumps by the result, to an address that it reads from
-        // flash. With four wait states the time of each jump may differ by up to 8 cycles.
+        // After each of four objects is checked, the code jumps to an address that it reads from flash. With four wait
+        // states the time of each jump may differ by up to 8 cycles, hence the spread.
         profile::bounds(cycles, bounds(3_500, 2_700, 7_600, 0), bounds(2_900, 1_600, 6_200, 4 * 8));
     }
 

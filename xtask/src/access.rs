@@ -1,6 +1,6 @@
 //! Explains why a debug probe has no access to a board, and what must be written to keep a board accessible.
 //!
-//! These functions do no I/O. [`crate::probe`] reads from the board what they need.
+//! These functions do no I/O. [`crate::probe`] reads the values from the board that they need.
 
 use crate::Board;
 
@@ -95,11 +95,11 @@ pub(crate) const fn connection(board: Board) -> &'static str {
 /// The change of UICR.APPROTECT with which an nRF52840's debug port is open after the next power-on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Approtect {
-    /// No change: the value is right, or the part is of the older kind, which is open while UICR is erased.
+    /// No change is needed: the value is right, or the part is of the older kind, which is open while UICR is erased.
     Leave,
-    /// The word is erased, so [`HW_DISABLED`] must be programmed.
+    /// The word of UICR is erased, so [`HW_DISABLED`] must be programmed into it.
     Program,
-    /// The word holds another value, which only erasing UICR can change, so the part will be locked.
+    /// The word of UICR holds another value, which only erasing can change. So the part will be locked.
     WillLock,
 }
 

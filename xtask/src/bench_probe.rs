@@ -2,7 +2,7 @@
 //!
 //! The board, its debug port and its time are those of the bench ([`emulator_debug_port`]). Like a CMSIS-DAP probe,
 //! this module converts the library's requests to transfers on the wires, each of which takes time. A file keeps the
-//! board's non-volatile memory. Each command of xtask switches the board on.
+//! board's non-volatile memory. Each command of xtask begins by switching the board on.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -35,8 +35,8 @@ const MOST_KHZ: u32 = 8_000;
 /// The bit of nRESET among the pins of [`RawDapAccess::swj_pins`].
 const RESET_PIN: u32 = 1 << 7;
 
-/// The address at which both boards' RAM begins. The firmwares' code runs below it, so an instruction above it is one
-/// that the probe has put into RAM.
+/// The address at which both boards' RAM begins. The firmwares' code runs below that address, so only the probe puts
+/// instructions above it.
 const RAM: u64 = 0x2000_0000;
 
 const READ_BUFFER: u8 = 0xC;
@@ -65,7 +65,7 @@ impl BenchBoard {
     }
 
     fn with<T>(&self, act: impl FnOnce(&mut Switched) -> T) -> T {
-        // A poisoned lock is ignored: after a panic, the board keeps its state as a real one would.
+        // A poisoned lock is ignored, because after a panic the board keeps its state, as a real board would.
         act(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
@@ -77,8 +77,8 @@ impl BenchBoard {
         self.with(|on| on.wire.now())
     }
 
-    /// Returns the errors, since the last call, of the probe and of code that the probe put into RAM. Errors of the
-    /// firmware are left out, because a debugger may stop the firmware at any point.
+    /// Returns the errors that the bench has found in the probe's accesses, and in code that the probe put into RAM,
+    /// since the last call. Errors of the firmware are left out, because a debugger may stop the firmware at any point.
     pub(crate) fn take_findings(&self) -> Vec<String> {
         let found = self.with(|on| on.wire.take_findings());
         let is_ours = |finding: &&Finding| finding.kind != FindingKind::Lockup && finding.pc.is_none_or(|pc| pc >= RAM);
@@ -185,8 +185,8 @@ impl RawDapAccess for BenchProbe {
         Ok(word[0])
     }
 
-    /// Reads of an access port are posted: each returns the result of the read before it, and RDBUFF returns the last
-    /// one.
+    /// A read of an access port returns the result of the read before it (posted reads). RDBUFF returns the last
+    /// result.
     fn raw_read_block(&mut self, address: RegisterAddress, values: &mut [u32]) -> Result<(), ArmError> {
         let register = address.a2_and_3();
         self.command(|on, khz| {
@@ -210,7 +210,7 @@ impl RawDapAccess for BenchProbe {
         self.raw_write_block(address, &[value])
     }
 
-    /// Reads RDBUFF after the last write to an access port, because only the next transfer tells whether the write
+    /// Reads RDBUFF after the last write to an access port, since only the next transfer tells whether that write
     /// succeeded.
     fn raw_write_block(&mut self, address: RegisterAddress, values: &[u32]) -> Result<(), ArmError> {
         let register = address.a2_and_3();

@@ -35,7 +35,7 @@ fn is_checked(path: &str) -> bool {
 ///
 /// # Errors
 ///
-/// A target is missing, or git does not list the tracked files.
+/// The target of a citation is missing, or git does not list the tracked files.
 pub(crate) fn check() -> Result<()> {
     let mut files = BTreeMap::new();
     for path in tracked()? {
@@ -83,7 +83,8 @@ fn broken(files: &BTreeMap<String, String>) -> Vec<String> {
     broken
 }
 
-/// Whether a line cites a section of the design by its number. The citation may begin in the previous line, `before`.
+/// Whether a line cites a section of the design by the section's number. The citation may begin at the end of the line
+/// `before`.
 fn is_by_number(before: &str, line: &str) -> bool {
     let ends = |text: &str| text.to_lowercase().trim_end_matches([' ', ',']).ends_with("design");
     let begins = |text: &str| text.starts_with("section ");
@@ -97,14 +98,15 @@ fn paths(line: &str) -> Vec<Cited> {
     let belongs = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.' | '/' | '#');
     line.match_indices("docs/")
         .filter(|(at, _)| {
-            // `../docs/` in this workspace is docs/ too. A folder docs/ of another site or project is not.
+            // The folder may be cited as `../docs/` within this workspace. A folder docs/ of another site or project is
+            // not this one.
             let before = line[..*at].trim_end_matches("../");
             !before.ends_with(belongs)
         })
         .filter_map(|(at, _)| {
             let rest = &line[at..];
             let end = rest.find(|c| !belongs(c)).unwrap_or(rest.len());
-            // A pattern such as `docs/*.md` names more than one file.
+            // A citation with a pattern, such as `docs/*.md`, names more than one file, so it is not checked.
             let pattern = rest[end..].starts_with(['*', '{', '<']);
             let (file, anchor) = split(rest[..end].trim_end_matches(['.', '-', '#']));
             (!pattern && file != "docs/").then(|| (file.trim_end_matches('/').to_owned(), anchor))
@@ -189,8 +191,8 @@ fn text_of(heading: &str) -> String {
 mod tests {
     use super::*;
 
-    /// Returns the broken citations in a file, checked together with a page of the design and a decision. `^` is
-    /// removed from the text first, so that this test's source has no broken citations.
+    /// Returns the broken citations in a file. The file is checked together with a page of the design and a decision.
+    /// The sign `^` is removed from the text first, so that the source of this test has no broken citations.
     fn broken_in(path: &str, text: &str) -> Vec<String> {
         let mut files = BTreeMap::from([
             ("docs/design.md".to_owned(), "# Design\n\n## Air frame\n\n```\n# no heading\n```\n".to_owned()),

@@ -34,7 +34,7 @@ pub(crate) struct DefectsArgs {
     names: Vec<String>,
 }
 
-/// The suffix of the copy's packages and binaries, which must not replace the checkout's files.
+/// The suffix of the names of the copy's packages and binaries, which keeps them from replacing the checkout's files.
 const SUFFIX: &str = "-with-defects";
 /// Two words that stand before the number of the chosen defect in a firmware, by which that number is found.
 const MARK: [u32; 2] = [0x4445_4645, 0x4354_3A20];
@@ -129,7 +129,8 @@ fn manifest(folder: &str, text: &str) -> String {
             .replacen("[workspace.lints.rust]\n", "[workspace.lints.rust]\nwarnings = \"allow\"\n", 1)
             .replacen("\nxtask = {", &format!("\nxtask{SUFFIX} = {{"), 1),
         "xtask" => text.replacen(&own, &other, 1),
-        // The package keeps its name, because its library also has that name.
+        // The packages of the firmwares keep their names, because their libraries have the same name. Only the binaries
+        // are renamed.
         "horus-tx-fw" | "dpr-fw" => {
             let path = "path = \"src/main.rs\"\n";
             let (package, targets) = text.split_once("[[bin]]\n").unwrap_or((&text, ""));
@@ -144,7 +145,8 @@ fn copy_folder() -> PathBuf {
     target_dir().join("defects").join("copy")
 }
 
-/// Makes the copy with all defects. Equal files are not written again, because cargo would build them again.
+/// Makes the copy of the workspace with all defects. Files that are equal already are not written, since cargo would
+/// build them again.
 fn copy() -> Result<()> {
     let (from, to) = (root(), copy_folder());
     let mut kept = vec![];
@@ -343,7 +345,7 @@ fn chosen(is_chosen: impl Fn(&Defect) -> bool) -> Vec<(usize, &'static Defect)> 
     DEFECTS.iter().enumerate().filter(|(_, defect)| is_chosen(defect)).collect()
 }
 
-/// The name of each defect, and the name of the violation that its run shows, if it shows one.
+/// Returns the name of each defect, with the name of the violation that the defect must show, if any.
 pub(crate) fn shown() -> Vec<(&'static str, Option<String>)> {
     let rule = |shows: &Shows| match shows {
         Shows::By(violation) => Some(format!("{violation:?}")),

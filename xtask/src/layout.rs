@@ -1,8 +1,8 @@
 //! The layout of all objects: a description in JSON, a Kaitai Struct file, the Python package's module, a dissector for
 //! Wireshark, and the tables of docs/design.md.
 //!
-//! All come from the table of the C header: `header::objects` measures the fields, and `header::status` names
-//! bits and codes. So a new field or bit in Rust is in all of them. The JSON Schema,
+//! All of these come from the measurements for the C header: `header::objects` measures the fields, and
+//! `header::status` names bits and codes. So a new field or bit in Rust is in all of them. The JSON Schema,
 //! `python/horus_profile/layout.schema.json`, is written by hand.
 
 mod json;
@@ -49,7 +49,7 @@ struct Place {
     bytes: std::ops::Range<usize>,
 }
 
-/// Returns the objects of this layout's map, in order. Fails if they have a gap.
+/// Returns the objects of this layout's map, in order. Fails if there is a gap between two of them.
 fn places(layout: Layout) -> Result<Vec<Place>> {
     let profile = (0..layout.objects()).map(|index| {
         let object = if index == 0 { "reported" } else { "gps" };
@@ -108,7 +108,8 @@ mod tests {
         check().unwrap();
     }
 
-    /// Returns the Python interpreter that has the packages of some tests, or else the system's.
+    /// Returns the Python interpreter that has the packages `numpy` and `pymavlink`. If none is found, returns the
+    /// system's.
     fn python() -> PathBuf {
         let named = std::env::var_os("PYMAVLINK_PYTHON").map(PathBuf::from);
         let own = crate::workspace::root().join("target/pymavlink/bin/python");
@@ -123,7 +124,7 @@ mod tests {
     fn the_python_package_passes_its_tests_and_plays_the_tapes() {
         let mut command = Command::new(python());
         command.current_dir(crate::workspace::root().join("python"));
-        // The package must be this one, and no compiled files may be left beside the sources.
+        // The tests must import the package of this checkout, and leave no compiled files beside the sources.
         command.env("PYTHONPATH", ".").env_remove("HORUS_TAPES").args(["-B", "-m", "unittest", "--verbose"]);
         let Ok(output) = command.output() else {
             let words = "not run: there is no python3 (apt-get install python3)";

@@ -4,18 +4,19 @@
 
 use std::process::{Command, ExitCode, Stdio};
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 
+use crate::test::Steps;
 use crate::workspace::{FLIP_LINK, TARGET, cargo, check, install};
 use crate::{Board, Receivers, citations, style};
 
 pub(crate) fn lint() -> Result<ExitCode> {
     install(&FLIP_LINK)?;
-    let mut steps: Vec<(String, Command)> = vec![];
+    let mut commands: Vec<(String, Command)> = vec![];
     let mut step = |what: String, args: &[&str]| {
         let mut command = cargo();
         command.args(args);
-        steps.push((what, command));
+        commands.push((what, command));
     };
     step("formatting".into(), &["fmt", "--all", "--check"]);
     for manifest in ["profile/fuzz/Cargo.toml", "base-station/fuzz/Cargo.toml"] {
@@ -48,7 +49,7 @@ pub(crate) fn lint() -> Result<ExitCode> {
     }
     let hold = ["clippy", "--quiet", "--package", "hold-fw", "--release", "--target", TARGET, "--", "-D", "warnings"];
     step(format!("clippy (hold-fw for {TARGET})"), &hold);
-    // Each suite has a feature with the suite's name; the last suite fails on purpose.
+    // Each on-target suite has a feature of its own name. The suite `failing` fails on purpose, and is only linted.
     for name in Board::ALL.map(Board::name).into_iter().chain(["failing"]) {
         let args = [
             "clippy",
@@ -69,49 +70,33 @@ pub(crate) fn lint() -> Result<ExitCode> {
     documentation
         .args(["doc", "--quiet", "--no-deps", "--workspace", "--features", "xtask/live,xtask/probe"])
         .env("RUSTDOCFLAGS", "-D warnings");
-    steps.push(("documentation".into(), documentation));
-    let mut failed = vec![];
+    commands.push(("documentation".into(), documentation));
+    let mut steps = Steps::default();
     // cargo-deny takes minutes to compile and needs a network to read the list of advisories, so only `.ci/run`
     // installs it.
     if has_cargo_deny() {
         let mut command = cargo();
         command.args(["deny", "--log-level", "error", "check", "licenses", "bans", "sources"]);
-        steps.push(("licences, duplicates and sources of the dependencies (deny.toml)".into(), command));
+        commands.push(("licences, duplicates and sources of the dependencies (deny.toml)".into(), command));
     } else {
-        let words =
-            "the dependencies were not checked: cargo-deny is not installed (cargo install cargo-deny --locked)";
-        eprintln!("-- {words}");
-        if std::env::var_os("CI").is_some() {
-            failed.push(words.to_owned());
-        }
+        steps.run("dependencies", || {
+            const WORDS: &str =
+                "the dependencies were not checked: cargo-deny is not installed (cargo install cargo-deny --locked)";
+            ensure!(std::env::var_os("CI").is_none(), WORDS);
+            eprintln!("   {WORDS}");
+            Ok(())
+        });
     }
-    eprintln!("-- style");
-    if let Err(error) = style::check() {
-        failed.push(format!("style: {error:#}"));
+    steps.run("style", style::check);
+    steps.run("citations", citations::check);
+    steps.run("C header", crate::header::check);
+    steps.run("layouts", crate::layout::check);
+    steps.run("requirements", crate::trace::check);
+    steps.run("public interfaces", crate::release::check_interfaces);
+    for (what, command) in &mut commands {
+        steps.run(what, || check(what, command));
     }
-    eprintln!("-- citations");
-    if let Err(error) = citations::check() {
-        failed.push(format!("citations: {error:#}"));
-    }
-    eprintln!("-- C header");
-    if let Err(error) = crate::header::check() {
-        failed.push(format!("C header: {error:#}"));
-    }
-    eprintln!("-- layouts");
-    if let Err(error) = crate::layout::check() {
-        failed.push(format!("layouts: {error:#}"));
-    }
-    eprintln!("-- requirements");
-    if let Err(error) = crate::trace::check() {
-        failed.push(format!("requirements: {error:#}"));
-    }
-    for (what, command) in &mut steps {
-        eprintln!("-- {what}");
-        if let Err(error) = check(what, command) {
-            failed.push(error.to_string());
-        }
-    }
-    Ok(crate::test::verdict("lint", steps.len() + 5, &failed))
+    Ok(steps.verdict("lint"))
 }
 
 fn has_cargo_deny() -> bool {

@@ -59,7 +59,7 @@ const PIECE: u64 = bench::panel::PIECE_NS;
 /// the age at which the page marks a position as old.
 const HELD: Duration = Duration::from_millis(100);
 
-/// The time after the last message within which each message arrives or is lost.
+/// How long after the last message was sent a message may still arrive. After that time it counts as lost.
 const ARRIVES_WITHIN: Duration = Duration::from_secs(2);
 
 const LOCAL: Ipv4Addr = Ipv4Addr::LOCALHOST;
@@ -67,9 +67,7 @@ const LOCAL: Ipv4Addr = Ipv4Addr::LOCALHOST;
 const LONGEST: f64 = 86_400.0;
 
 pub(crate) fn live(args: &LiveArgs) -> Result<ExitCode> {
-    if let Some(kind) = args.faults.iter().find(|kind| kind.is_upset()) {
-        bail!("--faults {kind}: upsets are tried on copies of the bench, which `cargo xtask sim` has and this has not");
-    }
+    crate::sim::no_upsets(&args.faults)?;
     crate::sim::needs_hold(&args.faults, args.hold)?;
     let uplinks: Option<Speaks> = args.uplink.then_some(Voice::with_uplinks);
     let speaks = if args.hold { Some(Voice::with_commands as Speaks) } else { uplinks };
@@ -101,7 +99,7 @@ pub(crate) fn live(args: &LiveArgs) -> Result<ExitCode> {
 fn key() -> Key {
     let mut bytes = [0; 32];
     for chunk in bytes.chunks_mut(8) {
-        // The system seeds each `RandomState` with random numbers.
+        // The key's random numbers come from `RandomState`, which the system seeds anew each time.
         chunk.copy_from_slice(&RandomState::new().hash_one(()).to_le_bytes());
     }
     Key::new(bytes)
@@ -138,7 +136,7 @@ impl std::fmt::Display for Shown {
     }
 }
 
-/// What makes a voice send uplinks or commands.
+/// A function that makes a [`Voice`] send uplinks or commands.
 type Speaks = fn(Voice) -> Voice;
 
 struct Page {
@@ -151,7 +149,8 @@ struct Page {
     pace: f64,
     /// The elapsed virtual time, µs. A station that does not read the system's clock uses it.
     passed_us: Arc<AtomicU64>,
-    /// The real time at which the run's second step began. The first step loads the programs.
+    /// The real time at which the second step of the run began. The first step is left out, because it loads the
+    /// programs.
     began: Option<Instant>,
     behind: Duration,
     sent: u64,
@@ -170,7 +169,7 @@ impl Page {
     ) -> Result<Self> {
         let passed_us = Arc::new(AtomicU64::new(0));
         let clock = if pace == 1.0 { Clock::begin() } else { Clock::told(Arc::clone(&passed_us)) };
-        // The station ends with its inlet, and the inlet ends with this process.
+        // The station ends when its inlet does, and the inlet ends with this process.
         let key = speaks.map(|_| key());
         let verifier = || key.clone().map(Verifier::new);
         let (inlet, station, _) = live::start(verifier(), None, Time::Clock(clock.clone()), told);

@@ -10,6 +10,7 @@ mod access;
 mod bench_flash;
 #[cfg(feature = "probe")]
 mod bench_probe;
+mod campaign;
 mod citations;
 mod defects;
 #[cfg(test)]
@@ -29,6 +30,7 @@ mod output;
 mod package;
 #[cfg(feature = "probe")]
 mod probe;
+mod release;
 mod residual;
 mod run;
 mod seal;
@@ -64,6 +66,8 @@ enum Command {
     Flash(FlashArgs),
     /// Run both firmware images against each other on the bench.
     Sim(sim::SimArgs),
+    /// Try faults on copies of the running link, each alone: masked, recovered, stopped or dangerous, with bounds.
+    Campaign(campaign::CampaignArgs),
     /// Run the link with gdb, or an editor that uses its protocol, at one of the boards.
     Gdb(gdb::GdbArgs),
     /// Run the link in real time, and show its base station's page.
@@ -123,7 +127,7 @@ impl Board {
         }
     }
 
-    /// The name on the command line and in the on-target test suite.
+    /// The board's name on the command line and in the on-target test suite.
     pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Dpr => "dpr",
@@ -150,6 +154,7 @@ pub(crate) enum Image {
     Hold,
 }
 
+#[cfg(feature = "probe")]
 impl Image {
     /// The board whose microcontroller the image is for.
     pub(crate) const fn board(self) -> Board {
@@ -310,6 +315,7 @@ fn dispatch(command: Command) -> Result<ExitCode> {
         }
         Command::Flash(args) => flash(&args),
         Command::Sim(args) => sim::sim(&args),
+        Command::Campaign(args) => campaign::campaign(&args),
         Command::Gdb(args) => gdb::gdb(&args),
         Command::Live(args) => live(&args),
         Command::Web => web::web(),

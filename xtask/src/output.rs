@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use tempfile::TempPath;
 
-/// A file that is written beside its final path and moved there at the end. An existing path that is no regular file
-/// (`/dev/stdout`, a named pipe) is written to directly.
+/// A file that is written beside its final path and moved there at the end. If the path exists and is no regular file
+/// (`/dev/stdout`, a named pipe), the file is written directly.
 pub(crate) struct Output {
     place: PathBuf,
     beside: Option<TempPath>,
@@ -18,9 +18,9 @@ impl Output {
     ///
     /// # Errors
     ///
-    /// `place` is a folder, or its folder cannot be written to.
+    /// `place` is a folder, or the folder in which it lies cannot be written to.
     pub(crate) fn new(option: &str, place: &Path) -> Result<Self> {
-        // A symbolic link is kept. The file that it leads to is written.
+        // A symbolic link stays as it is, and the file that it leads to is written.
         let place = place.canonicalize().unwrap_or_else(|_| place.to_owned());
         if place.is_dir() {
             bail!("{option}: {} is a folder", place.display());

@@ -7,7 +7,7 @@ use anyhow::{Context, Result, ensure};
 
 use crate::workspace::{cargo, check, root, target_dir};
 
-const PACKAGES: [&str; 12] = [
+pub(crate) const PACKAGES: [&str; 12] = [
     "profile",
     "st25r3916",
     "horus-voter",
@@ -23,7 +23,7 @@ const PACKAGES: [&str; 12] = [
 ];
 
 /// Packages [`PACKAGES`] and builds each from its tarball. Cargo resolves packages of one workspace against each other
-/// only if they may be published, which a copy of the committed files allows.
+/// only if they may be published. So a copy of the committed files is used, in which they may be.
 pub(crate) fn package() -> Result<ExitCode> {
     const OFF: &str = "publish = false";
     let folder = target_dir().join("package");

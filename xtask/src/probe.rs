@@ -41,7 +41,7 @@ use watchdog::Feeding;
 
 const CORE_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// The number of LR in DCRSR (ARMv7-M ARM C1.6.3).
+/// The number by which DCRSR selects LR (ARMv7-M ARM C1.6.3).
 const LR: RegisterId = RegisterId(14);
 /// The number of xPSR in DCRSR.
 const XPSR: RegisterId = RegisterId(16);
@@ -103,7 +103,7 @@ pub(crate) fn flash(args: &FlashArgs) -> Result<ExitCode> {
     if args.hold && args.image != Image::Dpr {
         bail!("--hold is an option of the DPR's image: `cargo xtask flash dpr --hold`");
     }
-    // The probe is chosen before the build, which would be in vain without a probe.
+    // The probe is chosen before the build, because without a probe the build would be in vain.
     let probe = choose(args.image.board(), &args.probe)?;
     if args.image == Image::Hold && matches!(probe, Found::Bench(_)) {
         bail!("the bench's probe has the boards dpr and horus; `cargo xtask sim --hold` runs the hold");
@@ -188,7 +188,8 @@ fn listing(probes: &[DebugProbeInfo]) -> String {
 }
 
 fn attach(board: Board, probe: &Found, args: &ProbeArgs) -> Result<(Session, Feeding)> {
-    // The library does not check which part it is: an STM32 without access port 1 would look like a locked nRF52840.
+    // The probe library does not check which part it finds: it would take an STM32 without access port 1 for a locked
+    // nRF52840.
     if let Some(wrong) = look(probe, args)?.and_then(|seen| wrong_chip(board, seen, &probe.to_string())) {
         bail!(wrong);
     }
@@ -216,8 +217,7 @@ fn attach(board: Board, probe: &Found, args: &ProbeArgs) -> Result<(Session, Fee
 fn open(probe: &Found, args: &ProbeArgs) -> Result<(Probe, Option<u32>, Feeding)> {
     let opened = match probe {
         Found::Usb(info) => {
-            // The library's drivers of these probes make single transfers. The watchdog can be fed between two
-            // transfers.
+            // With these probes the library makes single transfers, so the watchdog can be fed between two of them.
             let drivers: [&dyn ProbeFactory; 2] = [&JLinkFactory, &CmsisDapFactory];
             let selector = DebugProbeSelector::from(info);
             drivers.into_iter().find_map(|driver| driver.open(&selector).ok())
@@ -272,14 +272,14 @@ fn look(probe: &Found, args: &ProbeArgs) -> Result<Option<Seen>> {
     }))
 }
 
-/// Returns the meaning of an error of the library's `attach`. With `erase_all`, the library was allowed to erase
+/// Returns what an error of the library's `attach` means. `erase_all` says whether the library was allowed to erase
 /// everything.
 fn refusal(error: &probe_rs::Error, erase_all: bool) -> Refusal {
     match error {
         probe_rs::Error::MissingPermissions(_) | probe_rs::Error::Arm(ArmError::MissingPermissions(_)) => {
             Refusal::Locked
         }
-        // Only the step of `attach` that unlocks an nRF52840 ends with this error.
+        // `attach` ends with this error only if it could not unlock an nRF52840.
         probe_rs::Error::Arm(ArmError::DebugSequence(_)) if erase_all => Refusal::StaysLocked,
         _ => Refusal::NoAnswer,
     }
@@ -294,12 +294,12 @@ fn keep_debug_port_open(session: &mut Session) -> Result<()> {
     const NVMC_CONFIG: u64 = 0x4001_E504;
     const READ_ONLY: u32 = 0;
     const WRITE: u32 = 1;
-    // The NVMC takes 41 us to program a word (PS v1.7, NVMC, electrical specification). One reading of its state
+    // Programming a word takes the NVMC 41 us (PS v1.7, NVMC, electrical specification). A single reading of its state
     // through the probe takes longer.
     const LOOKS: usize = 1_000;
 
     let mut core = session.core(0).context("could not reach the core")?;
-    // The core is halted, because the firmware must not use the NVMC at the same time.
+    // The core is halted, so that the firmware does not use the NVMC at the same time.
     core.halt(CORE_TIMEOUT).context("the core does not halt")?;
     match Approtect::of(core.read_word_32(VARIANT)?, core.read_word_32(UICR_APPROTECT)?) {
         Approtect::Leave => return Ok(()),
@@ -323,7 +323,7 @@ fn keep_debug_port_open(session: &mut Session) -> Result<()> {
     Ok(())
 }
 
-/// Programs brown-out level 3 into the option bytes of HORUS's STM32F429, without which the firmware stops at its
+/// Programs brown-out level 3 into the option bytes of HORUS's STM32F429. Without that level the firmware stops at its
 /// start. The other option bytes keep their values (RM0090, "Option bytes"). The level takes effect at the next reset.
 fn set_brown_out_level(session: &mut Session) -> Result<()> {
     const OPTKEYR: u64 = 0x4002_3C08;
@@ -339,7 +339,7 @@ fn set_brown_out_level(session: &mut Session) -> Result<()> {
     const LOOKS: usize = 50_000;
 
     let mut core = session.core(0).context("could not reach the core")?;
-    // The core is halted before the new program runs, so that no program uses the flash interface at the same time.
+    // The core is halted before the new program begins, so that no program uses the flash interface at the same time.
     core.reset_and_halt(CORE_TIMEOUT).context("the core does not halt")?;
     let options = core.read_word_32(OPTCR)?;
     let level = options & BOR_LEV;
@@ -360,7 +360,7 @@ fn set_brown_out_level(session: &mut Session) -> Result<()> {
     let is_done = |core: &mut Core<'_>| core.read_word_32(SR).is_ok_and(|status| status & BSY == 0);
     let done = (0..LOOKS).any(|_| is_done(&mut core));
     core.write_word_32(OPTCR, wanted | OPTLOCK)?;
-    // The option bytes take effect at this start. The register may hold other values.
+    // A reset loads the option bytes, which only then take effect. Before it the register may hold other values.
     core.reset_and_halt(CORE_TIMEOUT).context("the core does not halt")?;
     let loaded = core.read_word_32(OPTCR)?;
     if !done || loaded & BOR_LEV != 0 {
@@ -374,7 +374,7 @@ fn write(session: &mut Session, elf: &Path) -> Result<()> {
         ProgressStyle::with_template("{msg:>9} [{bar:40}] {bytes}/{total_bytes}").expect("a constant template"),
     );
     let shown = bar.clone();
-    // probe-rs first announces every step of writing with the step's size, and then begins the steps one by one.
+    // Before it writes, probe-rs announces each step with its size. Then it begins the steps one by one.
     let mut totals = BTreeMap::new();
     let progress = FlashProgress::new(move |event| match event {
         ProgressEvent::AddProgressBar { operation, total } => {
@@ -459,24 +459,24 @@ fn follow(
     let mut decoder = table.new_stream_decoder();
     let mut core = session.core(0).context("could not reach the core")?;
     core.reset_and_halt(CORE_TIMEOUT).context("the core does not reset")?;
-    // The control block of the last run's log may still be in RAM.
+    // The RAM may still hold the log's control block of an earlier run.
     core.write_8(block, &[0; 16]).context("could not clear the old log")?;
-    // An earlier run may have set the vector catch, which not every reset clears.
+    // The vector catch may still be set from an earlier run, since not every reset clears it.
     core.disable_vector_catch(VectorCatchCondition::HardFault).context("could not set the vector catch")?;
     if follow == Follow::Suite {
         core.enable_vector_catch(VectorCatchCondition::HardFault).context("could not set the vector catch")?;
     }
-    // The reset above must not be counted as a restart.
+    // This read clears the flag of the reset above, which must not count as a restart.
     was_reset(&mut core)?;
     core.run().context("the core does not run")?;
-    // From here on the program must feed the watchdog itself.
+    // From now on the program itself has to feed the watchdog.
     feeding.end();
     let mut rtt = attach_log(&mut core, block)?;
     let mut restarts = 0;
     loop {
         let mut restarted = was_reset(&mut core)?;
         let status = core.status().context("lost the core")?;
-        // The log is read after the status, so that it includes the lines before a halt.
+        // The status is read before the log, so that the log includes all lines before a halt.
         if !restarted {
             match drain(&mut rtt, &mut core, decoder.as_mut()) {
                 Ok(()) => {}
@@ -497,13 +497,13 @@ fn follow(
             }
             decoder = table.new_stream_decoder();
             if follow == Follow::Suite && catch_again(&mut core)? {
-                // The HardFault occurred before the vector catch was set. Its log is still in the buffer.
+                // The HardFault came before the vector catch was set again. Its log is still in the buffer.
                 rtt = attach_log(&mut core, block)?;
                 drain(&mut rtt, &mut core, decoder.as_mut()).context("could not read the log")?;
                 eprintln!("error: the image ended in a HardFault");
                 return Ok(ExitCode::FAILURE);
             }
-            // The start-up code takes far less time than this to initialise the log's control block.
+            // The pause is far longer than the start-up code takes to initialise the log's control block.
             std::thread::sleep(LOG_POLL);
             rtt = attach_log(&mut core, block)?;
             continue;
@@ -517,7 +517,7 @@ fn follow(
                 }
                 _ => core.run().context("the core does not go on")?,
             },
-            // The reason for the halt is not evaluated, because the library cannot clear the reasons of earlier halts.
+            // Why the core has halted is not evaluated, because the library cannot clear the reasons of earlier halts.
             CoreStatus::Halted(_) if follow == Follow::Suite && in_hard_fault(&mut core)? => {
                 eprintln!("error: the image ended in a HardFault{}", faulted(&mut core, elf)?);
                 return Ok(ExitCode::FAILURE);
@@ -525,7 +525,7 @@ fn follow(
             CoreStatus::Halted(reason) => bail!("the core stopped: {reason:?}"),
             CoreStatus::LockedUp => bail!("the core locked up"),
             _ if span.is_over() => return Ok(ExitCode::SUCCESS),
-            // A board on the bench needs no pause, because its virtual time advances with each access.
+            // On the bench no pause is needed, because the board's virtual time advances with each access.
             _ if matches!(span, Span::Virtual(..)) => {}
             _ => std::thread::sleep(LOG_POLL),
         }
@@ -539,8 +539,8 @@ fn was_reset(core: &mut Core<'_>) -> Result<bool> {
 /// Makes the core halt again at a HardFault and at semihosting calls. On an nRF52840 only a soft reset keeps that
 /// setting (PS v1.7, 5.3.7.8). Returns whether a HardFault occurred before the setting was made.
 fn catch_again(core: &mut Core<'_>) -> Result<bool> {
-    // After any reset but a soft one, an nRF52840's debug port is closed until the program opens it. Until then a
-    // request to halt is lost, and every read returns zero. CPUID is never zero, so a read of it shows that the port is
+    // After any reset but a soft one, an nRF52840's debug port is closed until the program opens it. Meanwhile a
+    // request to halt is lost, and every read returns zero. CPUID is never zero, so reading it shows when the port is
     // open.
     let since = Instant::now();
     while core.read_word_32(CPUID).context("lost the core")? == 0 {
@@ -574,7 +574,7 @@ fn faulted(core: &mut Core<'_>, elf: &Path) -> Result<String> {
     const RETURN_ADDRESS: u64 = 24;
     let returns: u32 = core.read_core_reg(LR)?;
     let stack: u32 = core.read_core_reg(if returns & PROCESS_STACK != 0 { PSP } else { MSP })?;
-    // The stack pointer may point outside memory, which may be the cause of the fault.
+    // The read may fail, because the fault may have been caused by a stack pointer that points outside memory.
     let Ok(pc) = core.read_word_32(u64::from(stack) + RETURN_ADDRESS) else { return Ok(String::new()) };
     let place = emulator_node::Firmware::read(elf)?.place_of(u64::from(pc));
     Ok(place.map_or_else(|| format!(" at {pc:#010x}"), |place| format!(" in {place}")))

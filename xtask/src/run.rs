@@ -1,5 +1,5 @@
-//! Runs any ELF alone on one board: a cargo runner for the on-target tests and for other projects. What does it on the
-//! bench is the command `emulator`'s.
+//! Runs any ELF alone on one board: a cargo runner for the on-target tests and for other projects. On the bench it does
+//! the same as the command `emulator`.
 
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -69,8 +69,7 @@ fn layout(elf: &[u8]) -> Result<(Vec<u8>, u64)> {
         .iter()
         .filter(|segment| segment.p_type(endian) == PT_LOAD && segment.p_filesz(endian) > 0)
         .map(|segment| Loaded {
-            // The physical address is the one in flash. A variable's initial value is loaded there, although the
-            // variable is in RAM.
+            // The address in flash is the physical one. A variable in RAM has its initial value there.
             address: segment.p_paddr(endian).into(),
             offset: segment.p_offset(endian).into(),
             len: segment.p_filesz(endian).into(),
@@ -130,9 +129,11 @@ mod tests {
         let (mut segments, mut sections) = (vec![], vec![0; 40]);
         for &(name, address, content) in parts {
             let (offset, len) = (body + bytes.len() as u32, content.len() as u32);
-            // Type, offset, virtual and physical address, size in file and in memory, flags, alignment.
+            // The words of a program header are: type, offset, virtual and physical address, size in file and in
+            // memory, flags, alignment.
             segments.extend(words(&[1, offset, address, address, len, len, 5, 4]));
-            // Name, type, flags, address, offset, size, link, info, alignment, entry size.
+            // The words of a section header are: name, type, flags, address, offset, size, link, info, alignment, entry
+            // size.
             sections.extend(words(&[names.len() as u32, 1, 2, address, offset, len, 0, 0, 4, 0]));
             names.extend(name.bytes().chain([0]));
             bytes.extend_from_slice(content);
@@ -196,7 +197,8 @@ mod tests {
         for byte in 0..VECTORS.len() + CODE.len() {
             for bit in 0..8 {
                 let mut elf = image();
-                // The sections begin behind the file header and three program headers.
+                // The contents of the sections come after the file header and three program headers, so the wrong bit
+                // is in them.
                 elf[52 + 3 * 32 + byte] ^= 1 << bit;
                 assert_ne!(seal(&mut elf).unwrap(), crc, "byte {byte}, bit {bit}");
             }

@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
-use bench::faults::{Board, Campaign, Faults, Kind, Options};
-use bench::report::{Exclusion, Report, Reported, UpsetClasses, Upsets, Voter};
+use bench::faults::{Faults, Kind};
+use bench::report::{Exclusion, Report, Reported, Voter};
 use bench::sim::flips::{Flips, flips};
 use bench::sim::{Crystals, Flashed, FrontEndConfig, Images, Observer, Outcome, Setup, on_the_link};
 use clap::Args;
@@ -66,13 +66,10 @@ pub(crate) struct SimArgs {
     /// Draw the flight: ground track, height, each receiver, the voted position, exclusions, time to readable.
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
-    /// Faults to inject: a list of air, gnss, fc, power, buffers, inputs, hang, chips, hold (drawn into the run from
-    /// the seed), and of ram, flash, registers (each upset on a copy of the bench, see --upsets).
+    /// Faults to inject, drawn from the seed: a list of air, gnss, fc, power, buffers, inputs, hang, chips, hold, bits,
+    /// spi, drift. `campaign` tries each fault alone, and flipped bits.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     faults: Vec<Kind>,
-    /// The number of upsets of RAM, flash and registers that are tried.
-    #[arg(long, value_name = "COUNT", default_value_t = 120)]
-    upsets: usize,
     /// Flip every bit of every register of both front ends once, for both parts, each on a copy of the bench; with a
     /// number N, every N-th bit.
     #[arg(long, value_name = "EVERY", num_args = 0..=1, default_missing_value = "1")]
@@ -175,7 +172,7 @@ impl Observer for Screen {
 }
 
 pub(crate) fn sim(args: &SimArgs) -> Result<ExitCode> {
-    // The first Ctrl-C ends the run, whose results are then shown. The second ends this program.
+    // The first Ctrl-C ends the run, and its results are shown. The second Ctrl-C ends this program.
     let pressed = || {
         if INTERRUPTED.swap(true, Ordering::Relaxed) {
             std::process::exit(130);
@@ -190,18 +187,19 @@ pub(crate) fn report(args: &SimArgs) -> Result<Report> {
     Ok(bench::sim::run(&setup(args, vec![], Images { horus, dpr }), &mut ())?.report)
 }
 
-/// Builds both firmwares, calls `go` to run the link with them, and shows the result. The command fails if `go` returns
-/// `None`, which means that the run was ended early.
+/// Builds both firmwares, calls `go` to run the link with them, and shows the result. If `go` returns `None`, the run
+/// was ended early, and the command fails.
 pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result<Option<Outcome>>) -> Result<ExitCode> {
     let recordings = vec![args.ubx1.clone(), args.ubx2.clone(), args.ubx3.clone()];
     if let Some(beyond) = recordings.iter().skip(args.gps.0).position(Option::is_some) {
         bail!("--ubx{}: this profile has {} receiver(s) only (--gps {})", args.gps.0 + beyond + 1, args.gps, args.gps);
     }
-    // Inputs that cannot be read and outputs that cannot be written are reported before anything is built.
+    // Before anything is built, inputs that cannot be read and outputs that cannot be written are reported.
     for (option, path) in (1..).zip(&recordings).filter_map(|(number, path)| Some((number, path.as_ref()?))) {
         gnss_sim::Log::open(path).with_context(|| format!("--ubx{option}: {} cannot be played", path.display()))?;
     }
     needs_hold(&args.faults, args.hold)?;
+    no_upsets(&args.faults)?;
     if let Some(plot) = args.plot.as_deref().filter(|plot| plot.extension().is_none_or(|ending| ending != "svg")) {
         bail!("--plot: the picture is SVG, and {} does not end in .svg", plot.display());
     }
@@ -241,11 +239,6 @@ pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result
     if cut {
         eprintln!("ended before its time, after {} of {} s", outcome.report.virtual_seconds, args.seconds);
     }
-    if !cut && args.faults.iter().any(|kind| kind.is_upset()) {
-        let campaign = upsets(args, &setup)?;
-        eprint!("{campaign}");
-        outcome.report.upsets = Some((&campaign).into());
-    }
     let flipped = args.flips.filter(|_| !cut).map(|every| flip_all(&setup, every.get())).transpose()?;
     if let Some(flipped) = &flipped {
         eprint!("{flipped}");
@@ -262,7 +255,7 @@ pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result
     text.push_str(&format!("{}\n", outcome.base));
     let mut report = serde_json::to_string_pretty(&outcome.report).context("the report does not serialise")?;
     report.push('\n');
-    // A program may read the JSON from standard output, so nothing else may be printed there.
+    // Standard output may be for a program that reads the JSON, so nothing else is printed there.
     if args.json.as_deref() == Some(Path::new("-")) {
         eprint!("{text}");
         std::io::stdout().write_all(report.as_bytes()).context("could not write the report")?;
@@ -273,15 +266,12 @@ pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result
         std::fs::write(&path, report).with_context(|| format!("could not write {}", path.display()))?;
     }
     outputs.into_iter().flatten().try_for_each(Output::finish)?;
-    let dangerous = outcome.report.upsets.as_ref().map_or(0, |upsets| upsets.dangerous.len());
     let broken = flipped.iter().flat_map(|flipped| &flipped.0).filter(|flip| !flip.holds() || flip.unsaid()).count();
-    if outcome.report.violations.is_empty() && broken == 0 && dangerous == 0 {
+    if outcome.report.violations.is_empty() && broken == 0 {
         return Ok(ExitCode::SUCCESS);
     }
-    eprintln!(
-        "error: {} violation(s), {dangerous} dangerous upset(s), {broken} flip(s) not mended or not said",
-        outcome.report.violations.len()
-    );
+    let violations = outcome.report.violations.len();
+    eprintln!("error: {violations} violation(s), {broken} flip(s) not mended or not said");
     Ok(ExitCode::FAILURE)
 }
 
@@ -289,6 +279,14 @@ pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result
 pub(crate) fn needs_hold(faults: &[Kind], hold: bool) -> Result<()> {
     if faults.contains(&Kind::Hold) && !hold {
         bail!("--faults hold: there is none without --hold");
+    }
+    Ok(())
+}
+
+/// Fails if upsets are to be drawn into a run.
+pub(crate) fn no_upsets(faults: &[Kind]) -> Result<()> {
+    if let Some(kind) = faults.iter().find(|kind| kind.is_upset()) {
+        bail!("--faults {kind}: upsets are tried on copies of the link, by `cargo xtask campaign --kinds {kind}`");
     }
     Ok(())
 }
@@ -345,24 +343,6 @@ pub(crate) fn setup(args: &SimArgs, recordings: Vec<Option<PathBuf>>, images: Im
     }
 }
 
-/// How long a copy of the bench runs after an upset, ns. The watchdogs reset a board within 200 ms, and 40 ms later the
-/// board's cycles are accepted again.
-const AFTER_UPSET: u64 = 400_000_000;
-
-fn upsets(args: &SimArgs, setup: &Setup) -> Result<Campaign> {
-    let setup = Setup { trace: None, log: None, plot: None, faults: Faults::none(), ..setup.clone() };
-    let options = Options {
-        kinds: args.faults.clone(),
-        boards: vec![Board::Horus, Board::Dpr],
-        count: args.upsets,
-        per_instant: 12,
-        between: (300_000_000, setup.duration_ns.max(400_000_000)),
-        for_ns: AFTER_UPSET,
-        seed: args.seed,
-    };
-    Ok(bench::sim::campaign(&setup, &options)?)
-}
-
 /// Returns a line about when Reported-Position ceased to be valid, and which receivers were silent at that instant.
 fn reported_position(reported: &Reported) -> String {
     let seconds = |ns: u64| format!("{:.3} s", ns as f64 / 1e9);
@@ -373,7 +353,7 @@ fn reported_position(reported: &Reported) -> String {
     };
     let silent: Vec<String> = (1..)
         .zip(&reported.last_solution_ns)
-        // A receiver that gave a solution after the position had ceased to be valid was not silent.
+        // Receivers with a solution after the instant `since` were not silent then, so they are left out.
         .filter(|(_, last)| last.is_none_or(|last| last < since))
         .map(|(receiver, last)| match last {
             Some(last) => format!("GPS{receiver} silent since {}", seconds(*last)),
@@ -417,7 +397,7 @@ fn exclusions(voter: &Voter) -> String {
     text
 }
 
-/// Returns lines about the active hold.
+/// Returns lines of text about what the active hold did in the run.
 fn hold_in_words(hold: &bench::report::Hold) -> String {
     let commands = |of: bench::report::Commands| {
         format!("{} commands, {} acknowledged, {} lost", of.sent, of.acknowledged, of.lost)
@@ -439,13 +419,6 @@ fn hold_in_words(hold: &bench::report::Hold) -> String {
         "flight controller",
         commands(hold.flight_controller),
     )
-}
-
-/// Returns lines about the effects of the upsets that were tried on copies of the bench.
-fn upsets_in_words(upsets: &Upsets) -> String {
-    let count = |of: fn(&UpsetClasses) -> usize| upsets.classes.values().map(of).sum::<usize>();
-    let (masked, detected) = (count(|classes| classes.masked), count(|classes| classes.detected));
-    format!("{masked} masked, {detected} detected, {} dangerous, each on a copy", upsets.dangerous.len())
 }
 
 fn faults_in_words(faults: &bench::report::Faults) -> String {
@@ -556,9 +529,6 @@ pub(crate) fn table(report: &Report) -> String {
         if let Some(hold) = report.hold.as_ref().filter(|_| name == "voter") {
             text.push_str(&hold_in_words(hold));
         }
-        if let Some(upsets) = report.upsets.as_ref().filter(|_| name == "faults") {
-            text.push_str(&format!("{:<21} {}\n", "upsets", upsets_in_words(upsets)));
-        }
     }
     match report.violations.as_slice() {
         [] => text.push_str("violations            none\n"),
@@ -648,14 +618,5 @@ mod tests {
         assert!(!table(&report).contains("since its start"));
         report.dpr.since_ns = 12_345_000_000;
         assert_eq!(table(&report).matches(" since its start at 12.345 s").count(), 2);
-    }
-
-    #[test]
-    fn the_table_counts_upsets_by_what_came_of_them() {
-        let classes = UpsetClasses { masked: 5, detected: 2, dangerous: 1 };
-        let classes = [("dpr ram".to_owned(), classes.clone()), ("horus ram".to_owned(), classes)].into();
-        let upsets = Some(Upsets { classes, dangerous: vec!["this".to_owned(), "that".to_owned()] });
-        let text = table(&Report { upsets, ..Report::default() });
-        assert!(text.contains("upsets                10 masked, 4 detected, 2 dangerous, each on a copy\n"), "{text}");
     }
 }

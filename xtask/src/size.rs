@@ -18,7 +18,7 @@ use crate::{Board, Receivers, firmware};
 pub(crate) struct Footprint {
     pub(crate) flash: u64,
     pub(crate) ram: u64,
-    /// The code that is copied from flash to RAM at the start; it counts in flash too.
+    /// The size of the code that is copied from flash to RAM at the start, bytes. This code counts in flash too.
     pub(crate) code_in_ram: u64,
 }
 
@@ -87,7 +87,7 @@ fn measure(data: &[u8]) -> Result<Footprint> {
     let segments = header.program_headers(endian, data)?;
     let loaded = || segments.iter().filter(|segment| segment.p_type(endian) == PT_LOAD);
     let flash = loaded().map(|segment| u64::from(segment.p_filesz(endian))).sum();
-    // Code whose run address differs from its load address is copied to RAM.
+    // A segment of code with different run and load addresses is copied to RAM at the start.
     let is_code = |segment: &&ProgramHeader32<_>| segment.p_flags(endian) & PF_X == PF_X;
     let code_in_ram = loaded()
         .filter(|segment| is_code(segment) && segment.p_vaddr(endian) != segment.p_paddr(endian))

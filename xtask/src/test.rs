@@ -35,8 +35,8 @@ pub(crate) struct TestArgs {
 }
 
 /// Returns the packages that have tests called `name`: the name of a package, of a test binary or of a file of tests.
-/// Each comes with the arguments of `cargo test` before `--` and, for a file in a larger binary, the module of the
-/// tests.
+/// With each package come the arguments for `cargo test` before `--` and, if the file is part of a larger binary, the
+/// module of the tests.
 fn selected(metadata: &serde_json::Value, name: &str) -> Result<Vec<(Vec<String>, Option<String>)>> {
     let mut found = vec![];
     for package in metadata["packages"].as_array().into_iter().flatten() {
@@ -62,8 +62,8 @@ fn selected(metadata: &serde_json::Value, name: &str) -> Result<Vec<(Vec<String>
     Ok(found)
 }
 
-/// Runs the tests that [`selected`] selects, with both images. With `test`, runs only those that have this text in
-/// their names.
+/// Runs the tests that [`selected`] selects, with both images. If `test` is given, only those run that have this text
+/// in their names.
 fn only(name: &str, test: Option<&String>) -> Result<ExitCode> {
     let selected = selected(&metadata()?, name)?;
     for gps in Receivers::ALL {
@@ -83,8 +83,8 @@ fn only(name: &str, test: Option<&String>) -> Result<ExitCode> {
         };
         let mut command = cargo_test();
         match (&module, test) {
-            // The test runner accepts only one text as a filter, so this program selects the tests by module and by
-            // name.
+            // The test runner takes only one text as a filter. To select by module and by name, this program lists the
+            // tests and passes their names.
             (Some(module), Some(test)) => {
                 let listed = cargo_test().args([module, "--list"]).output().context("cargo did not start")?;
                 let listed = String::from_utf8_lossy(&listed.stdout).into_owned();
@@ -110,57 +110,49 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
     if let Some(name) = args.only.first() {
         return only(name, args.only.get(1));
     }
-    // The path is read before the build, which replaces the running program's file. The system then appends "
-    // (deleted)" to the path.
+    // The build replaces the running program's file. The system would then append " (deleted)" to the path, so the path
+    // is read before.
     let runner = std::env::current_exe().context("could not find out where this program is")?;
-    let mut ran = 0;
-    let mut failed = vec![];
-    let mut step = |what: &str, result: &mut dyn FnMut() -> Result<()>| {
-        eprintln!("-- {what}");
-        ran += 1;
-        if let Err(error) = result() {
-            failed.push(format!("{what}: {error:#}"));
-        }
-    };
+    let mut steps = Steps::default();
     if args.on == Place::Bench && args.board.is_none() && !args.on_target {
         for gps in Receivers::ALL {
-            step(&format!("both images build with {gps} receivers"), &mut || firmware::build_pair(gps).map(drop));
+            steps.run(&format!("both images build with {gps} receivers"), || firmware::build_pair(gps).map(drop));
         }
         for gps in Receivers::ALL {
             let what = format!("the DPR's image with the port of a hold builds with {gps} receivers");
-            step(&what, &mut || firmware::build_dpr_with_hold(gps).map(drop));
+            steps.run(&what, || firmware::build_dpr_with_hold(gps).map(drop));
         }
-        step("the hold's image builds", &mut || firmware::build_hold().map(drop));
-        step("image sizes", &mut || match crate::size::size(Receivers::DEFAULT)? {
+        steps.run("the hold's image builds", || firmware::build_hold().map(drop));
+        steps.run("image sizes", || match crate::size::size(Receivers::DEFAULT)? {
             code if code == ExitCode::SUCCESS => Ok(()),
             _ => anyhow::bail!("over budget"),
         });
-        step("the page without a server builds", &mut || crate::web::write().map(drop));
-        step("the speed of the bench", &mut crate::speed::check);
-        step("a sample of the defects", &mut crate::defects::sample);
+        steps.run("the page without a server builds", || crate::web::write().map(drop));
+        steps.run("the speed of the bench", crate::speed::check);
+        steps.run("a sample of the defects", crate::defects::sample);
         // Tests that run both firmwares need the firmwares' folder. Without it they would be skipped, or fail if CI is
         // set.
         let images = firmware::folder();
-        step("host tests", &mut || {
+        steps.run("host tests", || {
             let args = ["test", "--quiet", "--no-fail-fast", "--workspace", "--features", "xtask/live,xtask/probe"];
             check("cargo test", cargo().args(args).env("LINK_IMAGES", &images).env("LINK_WEB", crate::web::folder()))
         });
-        step("host tests of the DPR with the port of a hold", &mut || {
+        steps.run("host tests of the DPR with the port of a hold", || {
             check("cargo test", cargo().args(["test", "--quiet", "--package", "dpr-fw", "--features", "hold"]))
         });
     }
     for board in args.board.map_or(Board::ALL.to_vec(), |board| vec![board]) {
         if args.on == Place::Hardware {
             let what = format!("on-target suite of {}", board.name());
-            step(&what, &mut || on_target(&runner, board, None, &args.probe));
+            steps.run(&what, || on_target(&runner, board, None, &args.probe));
             continue;
         }
         for clock in args.clock.map_or(vec![Clock::Fast, Clock::Optimistic, Clock::Pessimistic], |clock| vec![clock]) {
             let what = format!("on-target suite of {}, {clock} clock", board.name());
-            step(&what, &mut || on_target(&runner, board, Some(clock), &args.probe));
+            steps.run(&what, || on_target(&runner, board, Some(clock), &args.probe));
         }
     }
-    Ok(verdict("test", ran, &failed))
+    Ok(steps.verdict("test"))
 }
 
 /// Runs one board's defmt-test suite: on the bench with `clock`, for which the suite is built because its bounds depend
@@ -199,7 +191,8 @@ fn on_target(runner: &Path, board: Board, clock: Option<Clock>, probe: &ProbeArg
             "--features",
             board.name(),
         ])
-        // A list is used because the path may contain a space. JSON and TOML write such a list in the same way.
+        // The runner is given as a list, because its path may contain a space. JSON and TOML write such a list in the
+        // same way.
         .arg("--config")
         .arg(format!("target.{TARGET}.runner={}", serde_json::to_string(&runner)?))
         .env("DEFMT_LOG", "info");
@@ -210,12 +203,36 @@ fn on_target(runner: &Path, board: Board, clock: Option<Clock>, probe: &ProbeArg
     check("the suite", &mut command)
 }
 
-pub(crate) fn verdict(name: &str, ran: usize, failed: &[String]) -> ExitCode {
-    for failure in failed {
-        eprintln!("FAILED {failure}");
+/// The steps of a command that goes on after a failure.
+#[derive(Default)]
+pub(crate) struct Steps {
+    ran: usize,
+    failed: Vec<String>,
+}
+
+impl Steps {
+    /// Runs a step, tells how long it took if that was long, and keeps its failure for the verdict.
+    pub(crate) fn run(&mut self, what: &str, step: impl FnOnce() -> Result<()>) {
+        eprintln!("-- {what}");
+        let began = std::time::Instant::now();
+        if let Err(error) = step() {
+            self.failed.push(format!("{what}: {error:#}"));
+        }
+        self.ran += 1;
+        let seconds = began.elapsed().as_secs();
+        if seconds >= 5 {
+            eprintln!("   took {seconds} s");
+        }
     }
-    println!("{name}: {} passed, {} failed", ran - failed.len(), failed.len());
-    if failed.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+
+    /// Prints the failed steps and the counts of the command `name`, and returns its exit code.
+    pub(crate) fn verdict(self, name: &str) -> ExitCode {
+        for failure in &self.failed {
+            eprintln!("FAILED {failure}");
+        }
+        println!("{name}: {} passed, {} failed", self.ran - self.failed.len(), self.failed.len());
+        if self.failed.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+    }
 }
 
 #[cfg(test)]

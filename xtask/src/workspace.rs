@@ -21,8 +21,11 @@ pub(crate) const FLIP_LINK: Tool = Tool { name: "flip-link", version: "0.1.12" }
 
 pub(crate) const CARGO_FUZZ: Tool = Tool { name: "cargo-fuzz", version: "0.13.2" };
 
+pub(crate) const SEMVER_CHECKS: Tool = Tool { name: "cargo-semver-checks", version: "0.51.0" };
+
 pub(crate) fn root() -> PathBuf {
-    // The root is found from xtask's folder at build time or, if the checkout has moved, by cargo.
+    // The workspace's root is the parent of xtask's folder. Cargo states that folder; without cargo it is the folder at
+    // build time.
     let manifest =
         std::env::var_os("CARGO_MANIFEST_DIR").map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")), PathBuf::from);
     manifest.parent().map_or(manifest.clone(), Path::to_path_buf)
@@ -49,7 +52,8 @@ pub(crate) fn target_dir() -> PathBuf {
 pub(crate) fn cargo() -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.current_dir(root()).env("PATH", path_with_tools());
-    // The variables that cargo sets for xtask's own package would be wrong for another one.
+    // Variables that cargo has set for xtask's own package are removed, because they would be wrong for another
+    // package.
     for (key, _) in std::env::vars_os() {
         let name = key.to_string_lossy();
         if name.starts_with("CARGO_PKG_") || name.starts_with("CARGO_MANIFEST_") || name == "CARGO_PRIMARY_PACKAGE" {
@@ -59,7 +63,7 @@ pub(crate) fn cargo() -> Command {
     command
 }
 
-/// Runs a command until it ends. If the command fails, the error calls it `what`.
+/// Runs a command until it ends. The error of a command that fails names it `what`.
 pub(crate) fn check(what: &str, command: &mut Command) -> Result<()> {
     let status = command.status().with_context(|| format!("{what}: could not start {command:?}"))?;
     if !status.success() {

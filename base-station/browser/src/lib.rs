@@ -48,7 +48,7 @@ pub fn program() -> Option<PathBuf> {
     program
 }
 
-/// The size at which the page is displayed.
+/// The size of the window in which a browser displays the page.
 #[derive(Clone, Copy, Debug)]
 pub struct Screen {
     /// The width of the page, CSS pixels.
@@ -89,13 +89,13 @@ impl Tab {
     #[must_use]
     pub fn start(program: &Path, folder: &Path) -> Self {
         let _ = std::fs::remove_dir_all(folder);
-        // The browser needs the pipes as file descriptors 3 and 4. The shell can set them up; the standard library
-        // cannot.
+        // The browser needs the two pipes as file descriptors 3 and 4. The standard library cannot set these up, but
+        // the shell can.
         let mut command = Command::new("/bin/sh");
         command.args(["-c", "exec \"$@\" 3<&0 4>&1 </dev/null >/dev/null 2>&1", "sh"]).arg(program);
         command.args(["--headless", "--remote-debugging-pipe", "--disable-gpu", "--no-first-run", "--mute-audio"]);
-        // In a container the browser lacks shared memory. As root it cannot use its sandbox, which a trusted page does
-        // not need.
+        // In a container the browser has no shared memory, and as root it cannot use its sandbox. A trusted page does
+        // not need the sandbox.
         command.args(["--disable-dev-shm-usage", "--no-sandbox", "--disable-background-networking"]);
         command.args(["--disable-component-update", "--disable-default-apps", "--disable-sync"]);
         command.arg("--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1");
@@ -137,7 +137,7 @@ impl Tab {
     ///
     /// # Panics
     ///
-    /// Panics if the command fails or the browser does not answer.
+    /// Panics if the command fails, or if the browser does not answer.
     pub fn command(&mut self, method: &str, params: Value) -> Value {
         self.commands += 1;
         let id = self.commands;
@@ -251,7 +251,7 @@ impl Tab {
     ///
     /// Panics if the table of keys has no such key.
     pub fn press(&mut self, key: &str) {
-        // The columns are key, code, Windows' code and text, from https://www.w3.org/TR/uievents-code/.
+        // The columns are the key, its code, Windows' code and the text, from https://www.w3.org/TR/uievents-code/.
         let (key, code, number, text) = match (key, key.as_bytes()) {
             ("Tab", _) => ("Tab", "Tab".to_owned(), 9, ""),
             ("Enter", _) => ("Enter", "Enter".to_owned(), 13, "\r"),
@@ -312,7 +312,7 @@ impl Tab {
 
 impl Drop for Tab {
     fn drop(&mut self) {
-        // The browser may have ended already, so the error is ignored. The browser's helper processes end with it.
+        // An error is ignored, because the browser may have ended already. Its helper processes end with it.
         let _ = self.process.kill();
         let _ = self.process.wait();
     }

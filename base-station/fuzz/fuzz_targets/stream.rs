@@ -1,4 +1,4 @@
-//! Fuzzes the parser of framed byte streams; `tests/parsers/bodies.rs` says what it must fulfil.
+//! Fuzzes the parser of framed byte streams; `tests/parsers/bodies.rs` says what must hold for every input.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

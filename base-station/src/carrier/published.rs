@@ -24,7 +24,7 @@ use crate::{Bundle, DroneId, Place, Verdict};
 /// The beginning that all topics have in common.
 pub const TOPICS: &str = "horus/1";
 
-/// The verdicts on objects, each at its number in a message; 255 is any other rejection.
+/// The verdicts on objects. The number of a verdict in a message is its index here; 255 stands for any other rejection.
 pub const VERDICTS: [Verdict; 9] = [
     Verdict::New,
     Verdict::Duplicate,
@@ -39,7 +39,7 @@ pub const VERDICTS: [Verdict; 9] = [
 
 const HEAD: usize = 10;
 
-/// The length of the longest message, bytes: that with every object but the hold's, which is always alone.
+/// The length of the longest message, bytes. It has every object but the hold's, which always travels alone.
 pub const MAX_MESSAGE: usize = HEAD + (Place::COUNT - 1) + 32 + 64 + 5 * 60 + 2 * 64;
 
 /// The greatest number of characters in a station's name.
@@ -179,7 +179,7 @@ mod tests {
             at_us in any::<u64>(), first in 0..10_usize, count in 1..10_usize, seed in any::<u8>(),
             found in prop::collection::vec(0..VERDICTS.len(), 9),
         ) {
-            // Hold-Status, the last one, is always alone.
+            // Hold-Status, the last object, always travels alone.
             let count = count.min(9_usize.saturating_sub(first).max(1));
             let places = Place::ALL.iter().skip(first).take(count);
             let bytes: Vec<u8> = (0..places.map(|place| place.size()).sum()).map(|at| at as u8 ^ seed).collect();

@@ -24,7 +24,7 @@ pub fn encode(payload: &[u8], line: &mut Vec<u8>) {
         }
         line.push(*byte);
         line[code_at] += 1;
-        // A run of full length needs another code byte after it, unless the frame ends with that run.
+        // A full-length run of bytes must be followed by another code byte, unless it ends the frame.
         if usize::from(line[code_at]) == RUN_MAX + 1 && index + 1 < payload.len() {
             code_at = line.len();
             line.push(1);

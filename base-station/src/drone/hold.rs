@@ -1,7 +1,7 @@
 //! Judges and keeps Hold-Status, the object of the [active hold](profile::hold), beside HORUS's objects.
 //!
-//! Whether there is a Hold-Status at all is decided by the client of the flight controller ([`HoldTrack`]), with the
-//! same limit as there. Before that, [`order`](super::order) leaves out what a radio delayed, repeated or reordered.
+//! The flight controller's client ([`HoldTrack`]) decides whether there is a Hold-Status at all, with the same limit as
+//! on the drone. Before that, [`order`](super::order) leaves out what a radio delayed, repeated or reordered.
 //!
 //! **Nothing of HORUS depends on it.** A Hold-Status is no sign of life of the drone and changes no alarm, whether it
 //! is intact or damaged. What the hold reports is a [notice](HoldState::notices).
@@ -15,13 +15,13 @@ use super::{Held, OLD_US, Verdict};
 use crate::age::Ages;
 use crate::{Intact, Place};
 
-/// Whether a drone's Hold-Status can be shown as the present one.
+/// Whether the last Hold-Status of a drone counts as its present one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Presence {
     /// No intact Hold-Status has ever arrived.
     Never,
     /// The last Hold-Status has stayed the same for more than [300 ms](profile::hold::EXPIRY_MS), came more than
-    /// [`OLD_US`] late, or the DPR says that it has none any more.
+    /// [`OLD_US`] late, or the DPR says that there is none any more.
     Expired,
     /// The last Hold-Status is the present one.
     Valid,
@@ -96,7 +96,7 @@ impl HoldState {
     #[must_use]
     pub fn presence(&self, now_us: u64) -> Presence {
         let Some((_, held)) = &self.last else { return Presence::Never };
-        // A transaction that read nothing lets the last one age.
+        // A copy of the track gets a transaction that read nothing, so that the last Hold-Status ages until `now_us`.
         let shown = self.track.clone().read(&view(&[]), now_us).shown;
         let is_valid = shown == HoldShown::Valid && held.age_us(now_us) <= OLD_US;
         if is_valid { Presence::Valid } else { Presence::Expired }
@@ -120,20 +120,21 @@ impl HoldState {
         self.restarts
     }
 
-    /// Returns the number of objects that did not continue the earlier ones, as those of a hold that has just
-    /// restarted.
+    /// Returns the number of Hold-Status objects that did not continue the earlier ones, as after a restart of the
+    /// hold.
     #[must_use]
     pub const fn strange(&self) -> u64 {
         self.strange
     }
 
-    /// Returns the number of objects that were damaged, or of another kind, in the place of Hold-Status.
+    /// Returns the number of times that the place of Hold-Status held an object that was damaged or of another kind.
     #[must_use]
     pub const fn damaged(&self) -> u64 {
         self.damaged
     }
 
-    /// Returns what the newest Hold-Status reports that a user should know, as text. None of it is an alarm.
+    /// Returns, as text, what the newest Hold-Status reports that a user should know. None of these notices is an
+    /// alarm.
     pub fn notices(&self) -> impl Iterator<Item = &'static str> {
         let status = self.held().map(|held| held.values.status);
         let notices = status.map(|status| {
@@ -150,7 +151,7 @@ impl HoldState {
     }
 }
 
-/// Returns `bytes` as what a transaction read from the hold's place in the map.
+/// Returns a view of `bytes`, as if a transaction had read them from the hold's place in the map.
 fn view(bytes: &[u8]) -> View<'_> {
     let [.., layout] = Layout::ALL.map(Layout::with_hold);
     let offset = layout.hold().and_then(|place| u16::try_from(place.start).ok()).unwrap_or_default();
@@ -222,7 +223,7 @@ mod tests {
         let other = *HoldStatus::seal(Writer::<ActiveLoad>::claim(), &other).as_bytes();
         assert_eq!(hold.take(at(62_010), &other), Verdict::OutOfSequence, "another content with its timestamp");
         assert_eq!(hold.held().unwrap().timestamp, 62_000);
-        // The radio held this one back for two seconds.
+        // The radio delayed this object by two seconds.
         assert_eq!(hold.take(at(64_100), &object(62_100)), Verdict::New);
         assert_eq!((hold.presence(at(64_100)), hold.held().unwrap().late_us), (Presence::Expired, 1_999_440));
     }

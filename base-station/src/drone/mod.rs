@@ -61,7 +61,8 @@ pub const RECENT_US: u64 = 10_000_000;
 /// [`FROZEN_REPEATS`] come, HORUS's timestamp is frozen.
 pub const FROZEN_US: u64 = 300_000;
 
-/// The greatest number of duplicates of one sample, later than [`FROZEN_US`] after its first arrival, that is no alarm.
+/// The greatest number of duplicates that is no alarm. Only those of one sample that come later than [`FROZEN_US`]
+/// after its first arrival count.
 pub const FROZEN_REPEATS: u32 = 2;
 
 /// The verdict on an object that arrived.
@@ -73,7 +74,7 @@ pub enum Verdict {
     Duplicate,
     /// The object is intact and older than the displayed one.
     Older,
-    /// The object is intact, but its timestamp does not continue the earlier ones, so it is not shown.
+    /// The object is intact, but is not shown, since its timestamp does not continue the earlier ones.
     OutOfSequence,
     /// There is no object. Its bytes are 0x00 or 0xFF throughout, because the DPR did not accept one.
     Vacant,
@@ -141,7 +142,7 @@ impl<T> Held<T> {
 pub struct Counts {
     /// The number of messages with objects of this drone.
     pub messages: u64,
-    /// The number of objects that were shown.
+    /// The number of objects that were newer than the displayed ones, and so were shown.
     pub new: u64,
     /// The number of intact objects that were displayed already.
     pub duplicate: u64,
@@ -176,12 +177,13 @@ pub struct Drone {
     link: Option<Held<LinkValues>>,
     port_status: Option<Held<PortValues>>,
     uplink: Option<Uplink>,
-    /// Absent for a drone that forwards nothing of a hold.
+    /// The state of the active hold; `None` if the drone forwards nothing of a hold.
     hold: Option<Box<HoldState>>,
     receivers: usize,
     counts: Counts,
     board: Board,
-    /// The instant, µs, at which an intact object last arrived, or from which on the drone is awaited.
+    /// The instant, µs, at which an intact object last arrived. Before the first one, it is the instant from which on
+    /// the drone is awaited.
     heard_us: u64,
     restarted_us: Option<u64>,
     damaged_us: Option<u64>,
@@ -256,7 +258,8 @@ impl Drone {
                     },
                     Intact::Hold(_) => Verdict::Rejected(Rejection::Identifier),
                 };
-                // An object that is not accepted, or is the base station's own, is no sign of life of this drone.
+                // A drone shows a sign of life only by an accepted object. The base station's own uplink does not
+                // count.
                 if verdict != Verdict::OutOfSequence && place != Place::Uplink {
                     self.heard_us = self.heard_us.max(at_us);
                 }
@@ -318,12 +321,13 @@ impl Drone {
         Verdict::New
     }
 
-    /// Judges an object with the displayed object's timestamp. `own` is the displayed object's frame CRC.
+    /// Judges an object that has the same timestamp as the displayed one. Their frame CRCs, `crc` and `own`, are
+    /// compared.
     fn repeated(&mut self, own: Option<u32>, at_us: u64, crc: u32) -> Verdict {
         if own == Some(crc) {
             return Verdict::Duplicate;
         }
-        // One sender never seals two contents with one timestamp, so there are two senders.
+        // A sender never seals two contents with the same timestamp, so there must be two senders.
         self.rival_us = Some(at_us);
         Verdict::OutOfSequence
     }
@@ -386,7 +390,7 @@ impl Drone {
                 let held = Held { values, timestamp, arrived_us, late_us, repeats: 0, crc, implausible };
                 self.gps[receiver] = Some(held);
             }
-            // This does not occur: a GPS object is found intact only where a message has a GPS object.
+            // This cannot occur: a GPS object is found intact only where a message has a GPS object.
             (Object::Gps(_), None) => {}
         }
         Verdict::New
@@ -404,8 +408,8 @@ impl Drone {
         self.reported.as_ref().is_none_or(|held| !held.values.status.without_crystal())
     }
 
-    /// Returns whether a message's objects, which arrived at `at_us`, may belong to this drone: they continue its data,
-    /// or are late. Only the profile's first object is examined, or the DPR's objects if there is no profile.
+    /// Returns whether a message's objects, which arrived at `at_us`, may belong to this drone. They must continue its
+    /// data, or be late. Only the profile's first object is examined, or the DPR's objects if there is no profile.
     #[must_use]
     pub fn fits(&self, at_us: u64, bundle: &Bundle<'_>) -> bool {
         let mut fits = true;
@@ -472,7 +476,7 @@ impl Drone {
         let is_in = |state| status.state() == Some(state);
         let stale = reported.is_none_or(|held| held.age_us(now_us) > STALE_US);
         let silent = now_us.saturating_sub(self.heard_us) > SILENT_US;
-        // The data of a silent drone are all old, so no separate alarm reports that.
+        // Once a drone is silent, all its data are old, so there are no further alarms for old data.
         let old = |age_us: u64| age_us > OLD_US && !silent;
         let mut gps = self.gps.iter().flatten();
         let implausible = reported.is_some_and(|held| held.implausible);
@@ -535,8 +539,8 @@ impl Drone {
         self.port_status.as_ref()
     }
 
-    /// Returns the last uplink of the base station that the DPR showed. If it equals the uplink that was sent, the DPR
-    /// has stored that one at some time.
+    /// Returns the last uplink of the base station that the DPR showed. If it equals an uplink that was sent, the DPR
+    /// has stored that uplink at some time.
     #[must_use]
     pub const fn uplink(&self) -> Option<&Uplink> {
         self.uplink.as_ref()

@@ -16,29 +16,29 @@
 //! | is quiet for [`QUIET_US`] | back by more than [`LATE_US`] | a stranger: perhaps a replayed recording |
 //! | has sent less than [`QUIET_US`] ago, but does not continue | any | not known yet |
 //!
-//! So messages that come between two messages of the true sender cannot replace that sender.
+//! This rule keeps messages that arrive among those of the true sender from replacing that sender.
 
 use profile::{Freshness, freshness};
 
-/// A sender's first timestamps may come this much earlier than the shortest delay allows, µs: the differences of delay
+/// How much earlier than the shortest delay allows a sender's first timestamps may come, µs: the differences of delay
 /// in one carrier.
 pub const SLACK_US: u64 = 2_000_000;
 
-/// Later timestamps, after the first [`SEARCH_CYCLES`], may come this much earlier than the shortest delay allows, µs.
+/// How much earlier than the shortest delay allows later timestamps may come, after the first [`SEARCH_CYCLES`], µs.
 pub const AHEAD_US: u64 = 1_000_000;
 
 /// The longest time for which a carrier holds a message back while it delivers others, µs.
 pub const LATE_US: u64 = 10_000_000;
 
-/// A restarted sender's timestamp may exceed the time since the earlier sender's newest message by this, µs: the time
-/// for which that message may have been under way.
+/// A restarted sender's timestamp may exceed the time since the earlier sender's newest message by this, µs. That
+/// message may have been on its way for so long.
 pub const RESTART_SLACK_US: u64 = 500_000;
 
 /// The number of timestamps in a row, each newer than the last, after which a restart or another sender is accepted.
 pub const SEARCH_CYCLES: u8 = 3;
 
-/// After a sender's last message no other sender replaces it for this time, µs. A sender slower than 4 Hz is
-/// [stale](super::STALE_US) between two messages.
+/// The time, µs, after a sender's last message before which no other sender can replace it. A sender slower than 4 Hz
+/// is [stale](super::STALE_US) between two messages.
 pub const QUIET_US: u64 = 250_000;
 
 /// The number of simultaneous searches. With more than one, unrelated messages cannot keep a sender from being found.
@@ -47,20 +47,21 @@ const SEARCHES: usize = 4;
 /// The relation of a timestamp to the earlier ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
-    /// The timestamp is newer than all before it.
+    /// The timestamp is newer than all earlier ones.
     Newest {
-        /// The number of cycles between this timestamp and the newest before it, whose objects did not arrive.
+        /// The number of cycles between this timestamp and the one that was the newest before it, whose objects did not
+        /// arrive.
         missed: u32,
     },
     /// The timestamp equals the newest one.
     Same,
-    /// The timestamp is older than the newest one.
+    /// The timestamp is older than the newest timestamp that has arrived.
     Older,
     /// The timestamp does not continue the earlier ones; its object is not shown.
     Search,
     /// The timestamp is of a sender that has restarted, so the earlier data are dropped.
     Restarted,
-    /// The timestamp is of another sender, beside the earlier one or in its place.
+    /// The timestamp is of another sender with the same id, who sends beside the earlier sender or has replaced it.
     Stranger,
 }
 
@@ -83,8 +84,8 @@ enum Kind {
     },
     Same,
     Older,
-    /// The timestamp does not continue the earlier ones. `back` is true if it is neither a restarted sender's nor
-    /// ahead.
+    /// The timestamp does not continue the earlier ones. `back` is false if it is ahead, or if it fits a sender that
+    /// has restarted.
     Strange {
         back: bool,
     },
@@ -166,7 +167,7 @@ impl Order {
         };
         let known = self.searches.iter().position(|search| search.as_ref().is_some_and(continues));
         if known.is_none() && self.searches.iter().flatten().any(|search| search.last.timestamp == seen.timestamp) {
-            // Another object of the same cycle has this timestamp.
+            // An object of the same cycle has already continued a search with this timestamp.
             return None;
         }
         let oldest = || (0..SEARCHES).min_by_key(|place| self.searches[*place].map(|search| search.last.at_us));
@@ -295,8 +296,8 @@ mod tests {
             order.judge(60_000, 0, true, 0);
             order.judge(timestamp, SECOND, true, early_us)
         };
-        // The earlier sender's last message may have left half a second before it arrived. At that instant the
-        // restarted sender may have started.
+        // The earlier sender's last message may have been on its way for half a second. The restarted sender may have
+        // started when that message left.
         assert_eq!([1_500, 1_510].map(|timestamp| judged(timestamp, -1)), [Step::Search, Step::Older]);
         let late = LATE_US.cast_signed();
         assert_eq!([-late, -late - 1].map(|early_us| judged(5_000, early_us)), [Step::Older, Step::Search]);

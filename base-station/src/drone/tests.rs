@@ -128,7 +128,7 @@ fn vacant_misplaced_and_mixed_objects_are_told_apart() {
     take(&mut drone, 0, &bytes);
     assert_eq!(drone.counts().mixed, 1);
 
-    // An image of zeros is a message, but has no object to show and is no sign of life.
+    // An image of zeros counts as a message. It has no object to show, so it is no sign of life.
     take(&mut drone, 5_000_000, &[0; 244]);
     assert_eq!((drone.counts().messages, drone.counts().vacant, drone.heard_us()), (4, 5, 0));
 }
@@ -546,7 +546,7 @@ proptest! {
 
     #[test]
     fn loss_duplicates_reordering_and_damage_change_nothing(fates in prop::collection::vec(fate(), 1..150)) {
-        // HORUS has been running for a while, so a delayed message cannot be mistaken for a restart.
+        // HORUS has been running for so long that a delayed message cannot be mistaken for a restart.
         let start = 600_000;
         let mut arrivals = vec![];
         for (cycle, fate) in fates.iter().enumerate() {

@@ -36,7 +36,7 @@ pub const fn fix(fix: Option<FixType>) -> &'static str {
     }
 }
 
-/// Returns the reason of the last start of HORUS or the DPR, as text.
+/// Returns, as text, the reason of HORUS's or the DPR's last start.
 #[must_use]
 pub const fn reset(reason: Option<ResetReason>) -> &'static str {
     match reason {

@@ -103,7 +103,8 @@ impl Outlet {
     /// Passes on the objects of a drone that arrived at `at_us`, µs since 1970, with the verdicts. Counts them as lost
     /// if there is no connection or too many messages wait. Never blocks.
     pub fn offer(&self, drone: DroneId, at_us: u64, bundle: &Bundle<'_>, verdicts: &[Verdict]) {
-        // Data from a broker are not published again. Otherwise two brokers that feed each other would form a loop.
+        // Data that came from a broker are not published again, because two brokers that feed each other would form a
+        // loop.
         if matches!(drone.who, Who::Named(_)) {
             return;
         }
@@ -174,7 +175,7 @@ pub fn subscribe(broker: Broker, station: Option<&str>, line: u16, clock: Clock,
     let filter = format!("{TOPICS}/{}/+", station.unwrap_or("+"));
     let to = inlet.clone();
     spawn(broker, events, inlet, move |event| match event {
-        // The subscription is sent on each new connection. The client's queue has room for it, because it was emptied
+        // A new connection needs a new subscription. The client's queue has room for it, because the queue was emptied
         // when the last connection ended.
         Happened::Connected => client.try_subscribe(filter.clone(), QoS::AtMostOnce).is_ok(),
         Happened::Lost => true,

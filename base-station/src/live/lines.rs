@@ -26,7 +26,7 @@ const LOOK: Duration = Duration::from_millis(200);
 /// Returns an error if the address cannot be bound.
 pub fn udp(address: SocketAddr, kind: Kind, line: u16, clock: Clock, inlet: Inlet) -> io::Result<SocketAddr> {
     let socket = UdpSocket::bind(address)?;
-    // The error is ignored, because the system may grant a smaller receive buffer.
+    // An error is ignored here, because the system may grant a smaller receive buffer.
     let _ = SockRef::from(&socket).set_recv_buffer_size(RECEIVE_BUFFER);
     socket.set_read_timeout(Some(LOOK))?;
     let bound = socket.local_addr()?;

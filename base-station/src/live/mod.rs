@@ -44,7 +44,7 @@ pub use recording::Recording;
 /// The longest interval between updates of the alarms.
 pub const TICK: Duration = Duration::from_millis(20);
 
-/// The greatest number of waiting arrivals: those of a thousand drones at 10 Hz in six seconds.
+/// The greatest number of arrivals that may wait: those of a thousand drones at 10 Hz in six seconds.
 const WAITING: usize = 65_536;
 
 const UNPUBLISHED_US: u64 = 5_000_000;
@@ -59,7 +59,7 @@ pub struct Clock {
 #[derive(Clone, Debug)]
 enum Passed {
     Since(Instant),
-    /// The elapsed time that the caller sets, µs.
+    /// The time since the clock's start as the caller has set it, µs.
     Told(Arc<AtomicU64>),
 }
 
@@ -70,7 +70,7 @@ impl Clock {
         Self { unix_us: unix_us(), passed: Passed::Since(Instant::now()) }
     }
 
-    /// Returns a clock whose elapsed time, µs, the caller sets. The caller must not set it back.
+    /// Returns a clock for a caller that sets the elapsed time, µs. The caller must not set it back.
     #[must_use]
     pub fn told(passed_us: Arc<AtomicU64>) -> Self {
         Self { unix_us: unix_us(), passed: Passed::Told(passed_us) }
@@ -101,18 +101,18 @@ pub enum Event {
     Line {
         /// The name of the line.
         name: String,
-        /// The error; `None` if the line works again.
+        /// The line's error; `None` if the line works again.
         why: Option<String>,
     },
     /// A record of a recording that is played back.
     Played(Record),
     /// A playback begins anew at this instant of its recording, µs. All state is dropped.
     Restart(u64),
-    /// No more events come.
+    /// No further event comes, so the station ends.
     End,
 }
 
-/// Passes a line's events on to the station.
+/// Passes the events of one line on to the station.
 #[derive(Clone, Debug)]
 pub struct Inlet {
     to: SyncSender<Event>,
@@ -174,19 +174,19 @@ impl Station {
         self.changes.clone()
     }
 
-    /// Returns the number of arrivals that were dropped because too many waited.
+    /// Returns the number of arrivals that were dropped because too many already waited for the station.
     #[must_use]
     pub fn dropped(&self) -> u64 {
         self.dropped.load(Ordering::Relaxed)
     }
 }
 
-/// A station's source of time.
+/// The source of a station's time.
 #[derive(Clone, Debug)]
 pub enum Time {
-    /// The time is that of a clock.
+    /// A clock gives the time.
     Clock(Clock),
-    /// The time is that of a playback.
+    /// A playback gives the time.
     Playback(Arc<playback::Player>),
 }
 
@@ -273,7 +273,7 @@ fn run(
             return;
         }
         let mut known = station.known();
-        // The readers are notified once for several events that wait.
+        // Several waiting events cause a single notification of the readers.
         for event in event.into_iter().chain(from.try_iter().take(256)) {
             match event {
                 Event::Carried(carried) => {
@@ -292,8 +292,8 @@ fn run(
                     export::judge(&mut known.intake, &record);
                     record.commands.iter().for_each(|told| known.note_command(told.clone()));
                     known.now_us = known.now_us.max(record.carried.at_us);
-                    // The history gets the time of the recorded data. During a jump, the playback's time is ahead of
-                    // it.
+                    // The history uses the time of the recorded data. During a jump the playback's time is ahead of
+                    // that time.
                     let StationData { history, intake, .. } = &mut *known;
                     history.look(record.carried.at_us, intake.fleet());
                 }

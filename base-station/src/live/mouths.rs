@@ -45,7 +45,7 @@ impl Mouths {
                     mouth.send(to, bytes);
                 }
             }
-            // An address without a line is reached over the first line with addresses.
+            // A message with an address but without a line goes over the first line that has addresses.
             (None, Some(_)) => {
                 if let Some(mouth) = mouths.values_mut().find(|mouth| matches!(mouth, Mouth::Socket(_))) {
                     mouth.send(to, bytes);
@@ -69,7 +69,7 @@ impl Mouth {
     fn send(&mut self, to: To, bytes: &[u8]) {
         let _ = match (self, to.address) {
             (Self::Socket(socket), Some(address)) => socket.send_to(bytes, address),
-            // The port's timeout bounds the time of a write, even if a radio accepts no bytes.
+            // The serial port's timeout bounds the time of a write, even if a radio accepts no bytes.
             (Self::Port(port), _) => port.write(bytes),
             (Self::Socket(_), None) => Ok(0),
         };

@@ -90,7 +90,7 @@ impl Recording {
 
 #[derive(Clone, Copy, Debug)]
 struct Pace {
-    /// The playback's position, at the instant `since`, in the recording, µs.
+    /// The position in the recording, µs, that the playback had at the instant `since`.
     at_us: u64,
     since: Instant,
     /// The pace as a multiple of real time. 0 means that the playback stands still.
@@ -122,7 +122,7 @@ impl Player {
         Self { first_us, last_us, pace: Mutex::new(pace), changed: Condvar::new() }
     }
 
-    /// Returns the present instant in the recording, µs since 1970, at most its end.
+    /// Returns the present instant of the playback in the recording, µs since 1970, at most the recording's end.
     #[must_use]
     pub fn now_us(&self) -> u64 {
         self.at(&self.pace())
@@ -140,7 +140,8 @@ impl Player {
         self.pace().speed
     }
 
-    /// Returns the number of changes of pace or instant. By it a caller can tell whether its change has taken effect.
+    /// Returns the number of changes of pace or instant so far. From it a caller knows whether its own change has taken
+    /// effect.
     #[must_use]
     pub fn changes(&self) -> u64 {
         self.pace().changes
@@ -196,8 +197,8 @@ impl Player {
     /// Returns an error if a file cannot be read.
     pub fn play(&self, recording: &Recording, inlet: &Inlet) -> io::Result<()> {
         loop {
-            // The records before the target of a jump are judged without waiting. The state at the target depends on
-            // them.
+            // The records before the target of a jump are judged without waiting, because the state at the target
+            // depends on them.
             let target_us = self.pace().jump_us.take().unwrap_or(self.first_us);
             if !inlet.push(Event::Restart(self.first_us)) {
                 return Ok(());

@@ -89,7 +89,7 @@ impl Recording {
 
 fn write(from: &Receiver<What>, mut recorder: Recorder<Files>, told: &Mutex<Option<Trouble>>) -> Result<(), String> {
     let half = Duration::from_micros(FLUSH_US / 2);
-    // The recorder's time is that of the recorded data. While no data come, it advances in real time.
+    // The recorder uses the time of the recorded data. Between arrivals that time advances in real time.
     let mut last = (0, Instant::now());
     loop {
         match from.recv_timeout(half) {

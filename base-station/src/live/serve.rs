@@ -47,17 +47,17 @@ impl Default for Limits {
 /// The number of bytes that a connection reads ahead, and the greatest length of a request's head.
 const BUFFER: usize = 16 << 10;
 
-/// The number of bytes that the system may hold for a slow reader: those of a few states.
+/// How many bytes the system may hold for a slow reader: those of a few states.
 const SEND_BUFFER: usize = 64 << 10;
 
-/// How long no connection is accepted after an error that concerns all connections (too many open files).
+/// The pause in accepting connections after an error that concerns all of them (too many open files).
 const REST: Duration = Duration::from_millis(50);
 
 /// Serves `router` to all clients, within the limits of this [module](self). This function does not return.
 ///
 /// # Errors
 ///
-/// Returns no error at present. An error of a connection ends only that connection.
+/// At present this returns no error. An error of a connection ends only that connection.
 pub async fn serve(listener: TcpListener, router: Router, limits: Limits) -> io::Result<()> {
     let places = Arc::new(Semaphore::new(limits.connections));
     let mut http = http1::Builder::new();
@@ -67,11 +67,11 @@ pub async fn serve(listener: TcpListener, router: Router, limits: Limits) -> io:
             sleep(REST).await;
             continue;
         };
-        // The limit of connections is reached. Dropping the new connection closes it.
+        // If the limit of connections is reached, the new connection is dropped, which closes it.
         let Ok(place) = Arc::clone(&places).try_acquire_owned() else { continue };
-        // The error is ignored, because the system may grant a smaller send buffer.
+        // An error is ignored here, because the system may grant a smaller send buffer.
         let _ = socket2::SockRef::from(&stream).set_send_buffer_size(SEND_BUFFER);
-        // A state must be sent at once, even if the last one is not acknowledged yet.
+        // A state is sent at once, even before the last one is acknowledged, so Nagle's algorithm is off.
         let _ = stream.set_nodelay(true);
         let mut stream = TimeoutStream::new(stream);
         stream.set_write_timeout(Some(limits.stall));

@@ -22,8 +22,8 @@ pub struct Server {
 }
 
 impl Server {
-    /// Serves the page of `station` at `address`; with port 0 the system chooses one. From then on Ctrl-C does not end
-    /// the process; [`interrupted`](Self::interrupted) reports it.
+    /// Serves the page of `station` at `address`; with port 0 the system chooses one. While the page is served, Ctrl-C
+    /// does not end the process; [`interrupted`](Self::interrupted) reports it.
     ///
     /// # Errors
     ///

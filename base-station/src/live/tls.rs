@@ -66,16 +66,16 @@ mod with {
     pub struct Tls(Arc<ClientConfig>);
 
     impl Tls {
-        /// Returns settings that trust a broker whose certificate one of the `authorities` signed. `client` is this
-        /// station's certificate with the intermediate ones, and its private key, for a broker that requires them. All
-        /// are PEM.
+        /// Returns settings that trust a broker whose certificate one of the `authorities` signed. For a broker that
+        /// requires them, `client` has this station's certificate with the intermediate ones, and its private key. All
+        /// of these are PEM.
         ///
         /// # Errors
         ///
         /// Returns an error if a file has no certificate or key, or one that cannot be used.
         pub fn new(authorities: &[u8], client: Option<(&[u8], &[u8])>) -> Result<Self, Unusable> {
             let mut roots = RootCertStore::empty();
-            // A system's bundle may contain certificates that cannot be read.
+            // A system's bundle of authorities may contain certificates that cannot be read. These are skipped.
             roots.add_parsable_certificates(CertificateDer::pem_slice_iter(authorities).flatten());
             if roots.is_empty() {
                 return Err(Unusable::NoAuthority);
@@ -103,8 +103,8 @@ mod with {
             if let Some(error) = find(error) {
                 return Some(words(error, host));
             }
-            // After the handshake, rumqttc-v5-next 0.34 has an alert only as text. TLS 1.3 reports a missing
-            // certificate so.
+            // After the handshake, rumqttc-v5-next 0.34 reports an alert only as text. In TLS 1.3, a missing
+            // certificate is reported this way.
             let text = error.to_string();
             text.split_once(ALERT).map(|(_, name)| alert(name))
         }
@@ -113,7 +113,7 @@ mod with {
     fn find<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a rustls::Error> {
         let mut next = Some(error);
         while let Some(error) = next {
-            // `source` of an I/O error skips the error inside, which only `get_ref` returns.
+            // An I/O error's `source` skips the error inside. Only `get_ref` returns that error.
             let inner = error.downcast_ref::<io::Error>().and_then(io::Error::get_ref);
             let found = error.downcast_ref().or_else(|| inner.and_then(|inner| inner.downcast_ref()));
             if found.is_some() {
@@ -161,7 +161,7 @@ mod with {
 mod without {
     use super::{Transport, Unusable};
 
-    /// A type without values, for a program without TLS.
+    /// A type without values, so that a program without TLS cannot make one.
     #[derive(Clone)]
     pub enum Tls {}
 

@@ -55,7 +55,7 @@ const COMMANDS: &str = "/hold-commands";
 
 /// Makes the parts of a recording.
 pub trait Parts {
-    /// The type of a part, to which its data are written.
+    /// The type to which a part's data are written.
     type Part: Write;
 
     /// Makes the part of this number, from 0, without overwriting an existing one.
@@ -94,13 +94,13 @@ impl Made {
 }
 
 impl Files {
-    /// Returns the files of a recording; the first has this name.
+    /// Returns the files of a recording whose first file has this name.
     #[must_use]
     pub fn new(path: PathBuf) -> Self {
         Self { path, last: None, made: Made::default() }
     }
 
-    /// Returns the list of the files, which grows as they are made. Names of existing files are skipped.
+    /// Returns the list of the files, which grows as the recorder makes them. Names of existing files are skipped.
     #[must_use]
     pub fn made(&self) -> Made {
         self.made.clone()
@@ -142,7 +142,7 @@ pub struct Trouble {
     pub since_us: u64,
 }
 
-/// Newly displayed data, in plain values for other tools.
+/// Data that are newly displayed, in plain values for other tools.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sample {
     /// A valid position: degrees north, degrees east, m above the ellipsoid.
@@ -156,7 +156,7 @@ pub enum Sample {
 }
 
 impl Sample {
-    /// Returns the samples of newly `judged` objects that `fleet` now shows.
+    /// Returns the samples of the objects in `judged` that `fleet` shows as new.
     #[must_use]
     pub fn of(judged: &[Judged], fleet: &Fleet) -> Vec<Self> {
         let mut samples = vec![];
@@ -178,7 +178,7 @@ impl Sample {
                     let position = valid.map(|values| [values.latitude, values.longitude, values.altitude]);
                     samples.extend(position.map(|position| Self::Position(*id, *place, position)));
                 }
-                // Port-Status and uplinks have no samples. The sender of an uplink reports its state.
+                // Port-Status and uplinks are not sampled. The sender of an uplink reports its state.
                 Place::Hold => {
                     let held = drone.hold().and_then(HoldState::held);
                     samples.extend(held.map(|held| Self::Hold(*id, held.values)));
@@ -210,7 +210,7 @@ pub struct Recorder<P: Parts> {
 }
 
 impl<P: Parts> Recorder<P> {
-    /// Returns a recorder, which makes no file before the first record.
+    /// Returns a recorder. It makes no file before the first record.
     #[must_use]
     pub const fn new(parts: P) -> Self {
         Self { parts, open: None, next_part: 0, trouble: None, tried_us: None, lost: 0, part_bytes: PART_BYTES }
@@ -278,7 +278,7 @@ impl<P: Parts> Recorder<P> {
     ///
     /// # Errors
     ///
-    /// Returns the recorder's error. Data that are on the disk already can be read anyway.
+    /// Returns the recorder's error. Data that are already on the disk stay readable.
     pub fn finish(mut self) -> Result<(), String> {
         let Some(mut open) = self.open.take() else { return Ok(()) };
         open.writer.finish().map_err(|error| error.to_string())?;

@@ -66,7 +66,7 @@ impl From<McapError> for Stop {
 struct Channels {
     arrivals: HashSet<u16>,
     commands: HashSet<u16>,
-    /// The commands since the last arrival.
+    /// The commands read since the last arrival.
     told: Vec<CommandRecord>,
 }
 
@@ -170,7 +170,7 @@ impl<R: Read> Reader<R> {
         if opcode == op::CHUNK {
             match records(&self.body) {
                 Ok(records) => self.chunk = records,
-                // The chunk's length tells where the next record is, so only this chunk is lost.
+                // A damaged chunk loses only its own records, because its length tells where the next record is.
                 Err(Stop::Torn(why)) => {
                     self.lost.push(format!(
                         "{} bytes at {}: {why}",
@@ -218,7 +218,7 @@ fn records(body: &[u8]) -> Result<Range<usize>, Stop> {
     }
     let short = McapError::BadChunkLength { header: length, available: rest.len() as u64 };
     let records = usize::try_from(length).ok().and_then(|length| rest.get(..length)).ok_or(short)?;
-    // A CRC of 0 means that the chunk has none.
+    // A chunk whose CRC field is 0 has no CRC.
     if crc != 0 {
         let calculated = crc32fast::hash(records);
         if calculated != crc {
@@ -231,16 +231,16 @@ fn records(body: &[u8]) -> Result<Range<usize>, Stop> {
 
 fn chunk_head(body: &[u8]) -> Option<(u32, String, u64, &[u8])> {
     let mut rest = body;
-    // The times of the first and the last message and the uncompressed length are not used.
+    // The chunk's times of its first and last message, and its uncompressed length, are not used.
     take::<{ 8 + 8 + 8 }>(&mut rest)?;
     let crc = u32::from_le_bytes(*take::<4>(&mut rest)?);
     let compression = string(&mut rest)?;
     Some((crc, compression, u64::from_le_bytes(*take::<8>(&mut rest)?), rest))
 }
 
-/// Parses a record other than a chunk, and returns it if it is an arrival. The number of a channel of arrivals or of
-/// commands is added to `channels`, and so is a command. `is_lossy` means that an earlier chunk was lost, perhaps with
-/// definitions of channels. Then each message may be an arrival.
+/// Parses a record other than a chunk, and returns it if it is an arrival. The record may define a channel of arrivals
+/// or commands, whose number is added to `channels`, or hold a command, which is added too. `is_lossy` means that an
+/// earlier chunk was lost, perhaps with definitions of channels. Then each message may be an arrival.
 fn look(channels: &mut Channels, is_lossy: bool, opcode: u8, body: &[u8]) -> Result<Option<Record>, Stop> {
     let malformed = |what: &str| Stop::Torn(format!("a {what} that is malformed"));
     match opcode {
@@ -272,7 +272,7 @@ fn look(channels: &mut Channels, is_lossy: bool, opcode: u8, body: &[u8]) -> Res
 
 fn channel(mut body: &[u8]) -> Option<(u16, &[u8])> {
     let id = u16::from_le_bytes(*take::<2>(&mut body)?);
-    // The number of the channel's schema is not used.
+    // The channel also names its schema by number, which is not needed here.
     take::<2>(&mut body)?;
     Some((id, array(&mut body)?))
 }

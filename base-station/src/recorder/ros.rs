@@ -145,7 +145,7 @@ uint64 at_us                # since 1970: when it came into this state
 };
 
 fn put(out: &mut Vec<u8>, bytes: &[u8]) {
-    // No array comes near 4 GiB. An array that did would be cut off, and the message would still be readable.
+    // Arrays are far shorter than 4 GiB. A longer array would be cut off, and the message would still be readable.
     let length = u32::try_from(bytes.len()).unwrap_or(u32::MAX);
     out.extend(length.to_le_bytes());
     out.extend(bytes.iter().take(length as usize));
@@ -269,14 +269,14 @@ pub(super) fn fix(at_us: u64, [latitude, longitude, altitude]: [f64; 3]) -> Vec<
     out.extend(u32::try_from(seconds).unwrap_or(u32::MAX).to_le_bytes());
     out.extend(u32::try_from(rest_us * 1_000).unwrap_or_default().to_le_bytes());
     put(&mut out, b"wgs84");
-    // 0 means that the satellite system of the fix is unknown.
+    // The status 0 says that the satellite system of the fix is unknown.
     out.push(0);
     out.extend(0_u16.to_le_bytes());
     for value in [latitude, longitude, altitude] {
         out.extend(value.to_le_bytes());
     }
     out.extend([0; 9 * 8]);
-    // 0 means that the covariance is unknown.
+    // The type 0 says that the covariance is unknown.
     out.push(0);
     out
 }
@@ -331,7 +331,7 @@ pub(super) fn string(rest: &mut &[u8]) -> Option<String> {
 
 fn strings(rest: &mut &[u8]) -> Option<Vec<String>> {
     let count = u32::from_le_bytes(*take::<4>(rest)?);
-    // Each string takes at least four bytes, so a wrong count causes no more work than there are bytes.
+    // Each string takes at least four bytes. So even a wrong count cannot cause more work than there are bytes.
     (0..count).map(|_| string(rest)).collect()
 }
 

@@ -195,7 +195,7 @@ fn a_file_cut_anywhere_keeps_all_but_the_last_half_second() {
     let mut recorder = Recorder::new(disk.clone());
     let mut recorded = vec![];
     let mut intake = Intake::default();
-    // A process that is killed after an arrival leaves a file of the length at that instant.
+    // Killing the process after an arrival leaves the part of the file that is on the disk at that instant.
     let mut left = vec![];
     for cycle in 0..60 {
         let carried = arrival(cycle);
@@ -211,7 +211,7 @@ fn a_file_cut_anywhere_keeps_all_but_the_last_half_second() {
         assert!(records.len() + 5 > cycle, "{} of {cycle}", records.len());
         assert!(records.iter().zip(&recorded).all(|(read, recorded)| is_same(read, recorded)));
     }
-    // A power loss may leave any part of the data that were being written.
+    // After a power loss the file may end anywhere, so it is read at each length.
     let mut before = 0;
     for length in 0..file.len() {
         let (records, _) = read(&file[..length]);
@@ -381,7 +381,7 @@ fn a_record_with_a_false_length_takes_no_excessive_memory() {
             assert!(bytes <= damaged.len() as u64);
         }
     }
-    // An endless input is read only up to the limit of memory.
+    // If an endless input claims a length above the limit, only the head of that record is read.
     let endless = |claimed| io::Read::chain(io::Cursor::new([&file[..], &head(0x80, claimed)].concat()), io::repeat(0));
     let (count, torn, _, bytes) = read_through(endless(1 << 40));
     assert_eq!((count, bytes), (records, (file.len() + 9) as u64));
@@ -418,7 +418,7 @@ fn what_is_claimed_within_a_chunk_is_not_believed_either() {
         assert!(torn.contains(why), "{why}: {torn}");
         assert!(held <= 2 * damaged.len(), "{held} bytes for {}", damaged.len());
     }
-    // An attachment that is too short for its own CRC is ignored.
+    // An attachment that is too short for its own CRC is skipped.
     let foreign = [&file[..], &head(op::ATTACHMENT, 1), &[0]].concat();
     assert_eq!(read_through(&foreign[..]).0, records);
 }

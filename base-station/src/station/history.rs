@@ -72,7 +72,8 @@ impl Sample {
         self.voted.map(degrees)
     }
 
-    /// Returns the latitude and longitude of the first `receivers` receivers, degrees, if they were valid and not old.
+    /// Returns the latitude and longitude, degrees, of the first `receivers` receivers. A receiver has them if they
+    /// were valid and not old.
     pub fn gps(&self, receivers: usize) -> impl Iterator<Item = Option<[f64; 2]>> {
         self.gps.into_iter().take(receivers).map(|place| place.map(degrees))
     }
@@ -124,7 +125,7 @@ pub struct HoldSample {
 const _: () = assert!(size_of::<HoldSample>() * SAMPLES <= 25_000);
 
 impl HoldSample {
-    /// Returns a drone's sample; `None` if no Hold-Status of it has ever arrived.
+    /// Returns a drone's sample of its hold; `None` if no Hold-Status has ever arrived from the drone.
     fn of(drone: &Drone, now_us: u64) -> Option<Self> {
         let hold = drone.hold()?;
         let held = hold.held()?;

@@ -63,7 +63,8 @@ struct Command {
     name: &'static str,
     value: Option<f32>,
     state: &'static str,
-    /// The time from the command to its present state, ms; for a pending command, to now.
+    /// The time from the command to its present state, ms. For a command whose outcome is not known, the time until
+    /// now.
     after_ms: u64,
     ago_ms: u64,
 }

@@ -1,4 +1,4 @@
-//! Formats the station's state for the page. Ages are those at the instant `now_us`.
+//! Formats the station's state for the page. Ages are stated for the instant `now_us`.
 
 use profile::ResetReason;
 use serde::Serialize;
@@ -15,8 +15,8 @@ use crate::{Alarm, Drone, DroneId, Fleet, Severity};
 #[derive(Serialize)]
 struct Change(u64, String, &'static str, bool, bool);
 
-/// A sample of a drone: instant (ms since 1970), reported position and those of the receivers (degrees), height (m)
-/// and, since the last sample, the greatest age (s) and the least number of agreeing receivers.
+/// A sample of a drone: instant (ms since 1970), position that was reported and positions of the receivers (degrees),
+/// height (m) and, since the last sample, the greatest age (s) and the least number of agreeing receivers.
 #[derive(Serialize)]
 struct Sample(u64, Option<[f64; 2]>, Vec<Option<[f64; 2]>>, Option<f32>, Option<f32>, Option<u8>);
 

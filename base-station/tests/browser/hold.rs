@@ -1,4 +1,4 @@
-//! The active hold on the page. A command's whole way, with both firmwares and the hold's, is tested with
+//! Tests the active hold on the page. The whole way of a command, with both firmwares and the hold's, is tested by
 //! `cargo xtask live` (xtask/src/live/tests/hold.rs).
 
 use profile::criticality::ActiveLoad;
@@ -38,7 +38,8 @@ fn fly(scene: &mut Scene, tab: &mut Tab, values: Option<HoldValues>, wanted: &st
     }
 }
 
-/// The expression of a page on which HORUS's data are live and without an alarm, and the hold's state begins so.
+/// Returns a JavaScript expression for a page that shows HORUS's data as live and without an alarm, and the hold's
+/// state beginning with `hold`.
 fn well_and(hold: &str) -> String {
     let state = format!("document.getElementById('hold-state').textContent.startsWith('{hold}')");
     format!("document.body.dataset.level === 'well' && {state}")
@@ -62,7 +63,7 @@ fn the_hold_is_shown_as_never_received_present_and_expired() {
     let acknowledged = [of("Acknowledged to the base station"), of("Acknowledged to the flight controller")];
     assert_eq!(acknowledged, ["number 3: done", "number 9: refused"]);
 
-    // A fault of the hold is a notice, and HORUS's page stays well.
+    // A fault of the hold appears as a notice, while HORUS's data stay without an alarm.
     let faulty = HoldValues { status: values().status.with_sensor_fault(true), output: f32::NAN, ..values() };
     let notice = "document.getElementById('hold-notices').textContent === 'Notice: a sensor of the hold has a fault'";
     fly(&mut scene, &mut tab, Some(faulty), &format!("{} && {notice}", well_and("present")));
@@ -75,7 +76,7 @@ fn the_hold_is_shown_as_never_received_present_and_expired() {
     fly(&mut scene, &mut tab, None, &well_and("EXPIRED"));
     assert_eq!(tab.eval("document.querySelectorAll('#hold-form, [data-command]').length"), json!(0));
     screenshot(&mut tab, "hold-expired");
-    // A page that is opened now has the station's samples.
+    // A page that is opened later shows the samples that the station has kept.
     let known = tab.eval("holdHistory.length").as_u64().unwrap();
     assert!(known > 3, "{known}");
     tab.open(&scene.address());
@@ -92,7 +93,7 @@ fn a_command_without_an_answer_is_pending_and_then_lost() {
     tab.open(&scene.address());
     fly(&mut scene, &mut tab, Some(values()), &well_and("present"));
     let says = |words: &str| format!("document.getElementById('hold-command').textContent.includes('{words}')");
-    // Before that the station has heard the hold for too short a time.
+    // The station commands the hold only after Hold-Status has come for two seconds.
     fly(&mut scene, &mut tab, Some(values()), "holdHistory.length > 30");
     fly(&mut scene, &mut tab, Some(values()), "!document.querySelector('[data-command=lock]').disabled");
     tab.eval("document.querySelector('[data-command=lock]').click()");

@@ -39,7 +39,7 @@ fn pieces(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
 }
 
 pub(crate) fn mavlink(bytes: &[u8]) {
-    // The zeros complete bytes that only look like the beginning of a message.
+    // Bytes at the end may look like the beginning of a message. The added zeros complete it.
     let ended = [bytes, &[0; 600]].concat();
     let whole = Receiver::default().datagram(NOW, &ended);
     let mut receiver = Receiver::default();
@@ -56,7 +56,7 @@ pub(crate) fn mavlink(bytes: &[u8]) {
     let _ = Receiver::default().datagram(NOW, bytes);
 }
 
-/// Judges an input. Checks that displayed objects are intact, and that a drone exists only after an intact object.
+/// Judges an input, and checks two rules: displayed objects are intact, and a drone exists only after an intact object.
 fn judged(kind: Kind, from: &str, bytes: &[u8]) -> Vec<Judged> {
     let carried = Carried { at_us: NOW, kind, line: 1, from: from.into(), bytes: bytes.to_vec() };
     let mut intake = Intake::default();
@@ -70,7 +70,7 @@ fn judged(kind: Kind, from: &str, bytes: &[u8]) -> Vec<Judged> {
     };
     let judged = intake.take_each(&carried, |_, _| true, all);
     assert_eq!(intake.fleet().iter().len() > 0, judged.iter().any(|judged| judged.verdict.is_intact()));
-    // The bundles of a map before the first one with an intact object are of no known drone.
+    // The bundles of a map are of no known drone until one has an intact object.
     let verdicts: Vec<_> = judged.iter().map(|judged| judged.verdict).collect();
     assert!(verdicts.ends_with(&brought));
     assert!(intake.take(&carried).iter().all(|judged| judged.verdict != Verdict::New));
@@ -81,7 +81,7 @@ pub(crate) fn datagram(bytes: &[u8]) {
     let found = judged(Kind::Datagrams, "127.0.0.1:4000", bytes);
     let known = found.iter().any(|judged| judged.verdict.is_intact());
     let objects = Bundle::all(bytes).iter().flat_map(Bundle::objects).collect::<Vec<_>>();
-    // The hold's object alone makes no drone.
+    // A hold's object alone does not make a drone known.
     let judged = objects.iter().filter(|(place, _)| known || *place != Place::Hold).count();
     assert_eq!(found.len(), judged);
 }

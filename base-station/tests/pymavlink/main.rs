@@ -88,7 +88,7 @@ impl Peer {
 
 impl Drop for Peer {
     fn drop(&mut self) {
-        // A failed test does not wait until the process ends by itself.
+        // The process is killed, so that a failed test does not wait until the process ends by itself.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
@@ -277,8 +277,7 @@ fn every_object_pymavlink_reads_from_a_damaged_stream_is_read_here_too() {
     let read = peer.parse(false, &[line]);
     let there: Vec<Vec<u8>> =
         read.iter().flatten().filter(|message| message["name"] == "TUNNEL").map(|message| payload(message).1).collect();
-    // After damage, pymavlink takes the damaged bytes for a message. It loses the messages that begin within those
-    // bytes.
+    // pymavlink takes damaged bytes for a message, and loses the messages that begin within those bytes.
     let mut rest = here.iter();
     assert!(there.iter().all(|object| rest.any(|other| other == object)), "in order, each is among those read here");
     assert!(there.len() > 100 && here.len() >= there.len(), "{} there, {} here", there.len(), here.len());
@@ -309,7 +308,7 @@ fn pymavlink_and_a_station_hear_each_other_over_udp() {
         let drone = known.intake.fleet().iter().next();
         drone.map(|(id, drone)| (id.to_string(), drone.timestamp(), drone.counts().new))
     };
-    // Reported-Position comes before the GPS objects of its cycle, so the test waits until all have come.
+    // Reported-Position comes before the GPS objects of its cycle. So the test waits until all objects have come.
     let began = Instant::now();
     while shown() != Some(("42".into(), Some(70_040), 5 * 5)) {
         assert!(began.elapsed() < Duration::from_secs(20), "arrived is {:?}", shown());
@@ -332,7 +331,7 @@ fn an_autopilot_sends_to_a_station_once_it_receives_its_heartbeat() {
         expected(&image(70_000)).into_iter().map(|(kind, from)| json!({ "type": kind, "bytes": hex(&from) })).collect();
     let is_active = |seconds: f64| json!({ "do": "is_active", "seconds": seconds, "objects": objects });
 
-    // pymavlink does not know a station that only listens, so it sends nothing to that station.
+    // pymavlink does not know a station that only listens, and so sends nothing to it.
     assert_eq!(peer.ask(&is_active(1.5)), Value::Null);
     assert_eq!(station.known().intake.fleet().iter().len(), 0);
 

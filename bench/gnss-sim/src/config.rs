@@ -21,18 +21,18 @@
 //!
 //! # Left out
 //!
-//! Transactions, UBX-CFG-VALGET and UBX-CFG-VALDEL, the configuration messages of generation 8, and input over NMEA or
-//! RTCM. Any other message of class CFG is refused, and messages of other classes are ignored.
+//! The model leaves out UBX-CFG-VALGET and UBX-CFG-VALDEL, transactions, the configuration messages of generation 8,
+//! and input over NMEA or RTCM. It refuses any other message of class CFG, and ignores messages of other classes.
 
 use std::collections::BTreeMap;
 
 use crate::ubx::{self, Frame};
 
-/// The message class CFG, configuration.
+/// The UBX message class CFG, which configures the receiver.
 pub const CLASS_CFG: u8 = 0x06;
 /// The identifier of UBX-CFG-VALSET within class CFG.
 pub const VALSET: u8 = 0x8A;
-/// The message class ACK, answers to messages of class CFG.
+/// The UBX message class ACK, which answers messages of class CFG.
 pub const CLASS_ACK: u8 = 0x05;
 /// The identifier of UBX-ACK-ACK within class ACK: the message was applied.
 pub const ACK: u8 = 0x01;
@@ -57,9 +57,9 @@ pub const MSGOUT_NAV_PVT: u32 = 0x2091_0006;
 pub const MSGOUT_NAV_ATT: u32 = 0x2091_001F;
 /// The key of CFG-MSGOUT-UBX_ESF_INS_I2C, the output rate of ESF-INS on I2C.
 pub const MSGOUT_ESF_INS: u32 = 0x2091_0114;
-/// The number of UBX within a group of keys for output protocols.
+/// The number of the protocol UBX in the keys that switch a port's output protocols.
 pub const OUTPROT_UBX: u32 = 1;
-/// The number of NMEA within a group of keys for output protocols.
+/// The number of the protocol NMEA in the keys that switch a port's output protocols.
 pub const OUTPROT_NMEA: u32 = 2;
 
 /// The bit rates that a receiver's UART supports (data sheet, UART specifications; interface description).
@@ -80,10 +80,10 @@ impl Port {
     /// The ports that connect the link's receivers 1 to 5 to HORUS (docs/hardware.md).
     pub const OF: [Self; 5] = [Self::Uart1, Self::I2c, Self::Spi, Self::Uart1, Self::Uart1];
 
-    /// The number of keys in a group of CFG-MSGOUT keys, one for each port, with USB and UART2.
+    /// The number of ports that u-blox numbers consecutively in the CFG-MSGOUT keys of a message, with USB and UART2.
     const PLACES: u32 = 5;
 
-    /// The key of a message's output rate on this port. `group` is the message's key on I2C.
+    /// The key of a message's output rate on this port. `group` is the key of the same message's rate on I2C.
     #[must_use]
     pub const fn output_key(self, group: u32) -> u32 {
         group
@@ -106,7 +106,7 @@ impl Port {
     }
 }
 
-/// A receiver's output, which follows from its configuration.
+/// The output of a receiver, as its configuration determines it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Output {
     /// The time from one solution to the next, ms.
@@ -137,7 +137,7 @@ pub(crate) struct Configuration {
     factory: BTreeMap<u32, u64>,
     saved: BTreeMap<u32, u64>,
     ram: BTreeMap<u32, u64>,
-    /// The received bytes from the first one on that may begin a message.
+    /// Received bytes that may be the beginning of a message.
     input: Vec<u8>,
 }
 
@@ -157,12 +157,12 @@ impl Configuration {
         factory.insert(RATE_MEAS, if abilities.fixed_period { u64::from(period_ms) } else { 1_000 });
         factory.insert(RATE_NAV, 1);
         factory.insert(UART1_BAUDRATE, 38_400);
-        // The factory's dynamic model is automotive with inertial sensors, otherwise portable.
+        // The factory setting of the dynamic model is automotive with inertial sensors, and portable without.
         factory.insert(NAVSPG_DYNMODEL, if abilities.attitude || abilities.inertial { 4 } else { 0 });
         Self { port, abilities, factory, saved: BTreeMap::new(), ram: BTreeMap::new(), input: vec![] }
     }
 
-    /// Sets and saves the settings that HORUS would make, except the dynamic model.
+    /// Sets and saves the settings that HORUS would send, except the dynamic model.
     pub(crate) fn configured(mut self, period_ms: u32, bit_rate: u32) -> Self {
         let port = self.port;
         let items = [
@@ -187,7 +187,7 @@ impl Configuration {
         }
     }
 
-    /// Restores the saved dynamic model or, if none was saved, the factory's.
+    /// Clears the dynamic model in RAM. The saved model applies, or the factory's if none was saved.
     pub(crate) fn forget_dynamic_model(&mut self) {
         self.ram.remove(&NAVSPG_DYNMODEL);
     }
@@ -215,7 +215,7 @@ impl Configuration {
         }
     }
 
-    /// Processes a received byte, `None` for an unreadable one, and returns the answer, if any.
+    /// Processes a received byte, which is `None` if it was unreadable. Returns the answer to a completed message.
     pub(crate) fn hear(&mut self, byte: Option<u8>) -> Option<Vec<u8>> {
         let Some(byte) = byte else {
             self.input.clear();
@@ -293,7 +293,7 @@ impl Configuration {
             RATE_MEAS => !self.abilities.fixed_period && (25..=65_535).contains(&value),
             RATE_NAV => !self.abilities.fixed_period && (1..=127).contains(&value),
             UART1_BAUDRATE => BAUD_RATES.contains(&value),
-            // 0 is portable, and 2 to 9 are stationary to wrist. Some receivers lack the last ones.
+            // Model 0 is portable, and models 2 to 9 range from stationary to wrist.
             NAVSPG_DYNMODEL => matches!(value, 0 | 2..=9),
             _ if key >> 28 == 1 => value <= 1,
             _ => true,

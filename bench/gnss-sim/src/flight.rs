@@ -18,11 +18,12 @@
 //!
 //! # The length of a flight
 //!
-//! A flight fills the given duration with all its phases, so a run of 10 s shows a take-off and a landing too. A short
-//! flight is low and slow, within the acceleration limits. A long flight climbs to [`HEIGHT_MAX`], cruises at
-//! [`SPEED_MAX`] and has more legs, which curve so that the aircraft stays within a few kilometres. For a duration
-//! below [`SHORTEST`] the run shows the beginning of a flight of [`SHORTEST`]. Before and after the flight the aircraft
-//! stands on the ground.
+//! A flight fills the given duration with all its phases, so a run of 10 s shows a take-off and a landing too. If the
+//! duration is below [`SHORTEST`], the run shows the beginning of a flight of [`SHORTEST`]. Before and after the flight
+//! the aircraft stands on the ground.
+//!
+//! A short flight is low and slow, within the acceleration limits. A long flight climbs to [`HEIGHT_MAX`], cruises at
+//! [`SPEED_MAX`] and has more legs, which curve so that the aircraft stays within a few kilometres.
 
 use core::f64::consts::{PI, TAU};
 
@@ -53,11 +54,11 @@ pub const LONGEST: f64 = 86_400.0;
 const GRAVITY: f64 = 9.806_65;
 /// Deceleration by drag per unit of speed, 1/s: 15° nose down at 16 m/s, as in small multicopters.
 const DRAG: f64 = 0.16;
-/// Peak slope of the quintic ramp, at its middle: 15/8.
+/// Peak slope of a quintic ramp that rises from 0 to 1 in unit time: 15/8, in the middle of the ramp.
 const RAMP_SLOPE: f64 = 1.875;
-/// Peak second derivative of the quintic ramp: 10/√3.
+/// Peak second derivative of a quintic ramp that rises from 0 to 1 in unit time: 10/√3.
 const RAMP_CURVE: f64 = 5.773_502_691_896_258;
-/// The time between two entries of the table of flown distances, s.
+/// The time between two entries of the table that holds the distance flown, s.
 const GRID: f64 = 0.1;
 
 /// Position, motion and attitude of the aircraft.
@@ -131,7 +132,8 @@ impl Flight {
             Uniform::new_inclusive(low, high).expect("the bounds of every draw are finite and ordered").sample(&mut rng)
         };
 
-        // A phase's share of a short flight, and its greatest duration, s. The cruise fills the rest of a long flight.
+        // In a short flight each phase takes a fixed share of the time, in a long flight a fixed number of seconds. The
+        // cruise fills the rest of a long flight.
         let standing = (0.03 * planned).min(2.0);
         let climb = (0.22 * planned).min(28.0);
         let acceleration = (0.15 * planned).min(11.0);
@@ -156,20 +158,20 @@ impl Flight {
         height.ramp(take_off, climb, height_gained);
         height.ramp(descend, landing, height_gained * (ground - 1.0));
 
-        // The ground speed is itself a first derivative, so only the slope of its plan has a limit.
+        // The plan of the ground speed is limited only in its slope, which is the acceleration.
         let speed_reached = SPEED_MAX.min(ACCELERATION_MAX * acceleration.min(braking) / RAMP_SLOPE);
         let mut speed = Plan::starting_at(0.0);
         speed.ramp(climbed, acceleration, speed_reached);
         speed.ramp(brake, braking, -speed_reached);
 
-        // A leg takes about 15 s and ends in a turn, alternately wide and narrow, in opposite directions. On a long
-        // flight the path closes after sixteen legs, because two of them turn the aircraft by 45° on average.
+        // A leg takes about 15 s and ends in a turn. Wide and narrow turns alternate, in opposite directions. Two legs
+        // turn the aircraft by 45° on average, so the path of a long flight closes after sixteen legs.
         let mut course = Plan::starting_at(draw(-PI, PI));
         let side = if draw(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 };
         let legs = (cruise / 15.0).ceil().max(2.0);
         let leg = cruise / legs;
         let mut at = cruising;
-        // There are at most LONGEST / 15 legs, so the conversion is exact.
+        // The number of legs is at most LONGEST / 15, so its conversion to u32 is exact.
         for number in 0..legs as u32 {
             let straight = leg * draw(0.25, 0.4);
             let turn = leg - straight;
@@ -183,7 +185,7 @@ impl Flight {
         let mut flight =
             Self { plane: TangentPlane::new(start), planned, phase_ends, height, speed, course, sums: vec![[0.0; 2]] };
         let mut sum = [0.0; 2];
-        // The speed is zero from the instant `hovering` on, so later cells of the table would add nothing.
+        // The aircraft hovers from the instant `hovering` on, so the distance flown grows no further.
         for cell in 0..(hovering / GRID).ceil() as usize {
             let from = cell as f64 * GRID;
             let [north, east] = flight.distance(from, from + GRID);
@@ -199,7 +201,7 @@ impl Flight {
         &self.plane
     }
 
-    /// The length of the flight, s, with the time on the ground at both ends.
+    /// The length of the flight, s. It includes the time on the ground before take-off and after landing.
     #[must_use]
     pub fn planned_seconds(&self) -> f64 {
         self.planned
@@ -270,7 +272,7 @@ impl Flight {
         let [_, climb, climb_rate] = self.height.at(t);
         let [speed, speed_rate, _] = self.speed.at(t);
         let [course, turn_rate, _] = self.course.at(t);
-        // Front, right and down in the level frame along the course.
+        // The components point front, right and down in the level frame along the course.
         let acceleration = [speed_rate, speed * turn_rate, -climb_rate];
         let force = [acceleration[0] + DRAG * speed, acceleration[1], acceleration[2] - DRAG * climb - GRAVITY];
         let total = sqrt(force.iter().map(|f| f * f).sum());
@@ -308,7 +310,7 @@ struct Pose {
 }
 
 impl Pose {
-    /// The acceleration in the body frame, rotated by the pitch first, then by the roll.
+    /// Returns the acceleration in the body frame, for an aircraft that is turned by its pitch and then by its roll.
     fn body_acceleration(&self) -> [f64; 3] {
         let [x, y, z] = self.acceleration;
         let (sr, cr) = (sin(self.roll), cos(self.roll));
@@ -318,7 +320,8 @@ impl Pose {
     }
 }
 
-/// The largest change by a quintic ramp of `duration` whose first two derivatives do not exceed `slope` and `curve`.
+/// The largest change that a quintic ramp of `duration` can make while its first derivative stays within `slope` and
+/// its second within `curve`.
 fn ramp_limit(duration: f64, slope: f64, curve: f64) -> f64 {
     (slope * duration / RAMP_SLOPE).min(curve * duration * duration / RAMP_CURVE)
 }
@@ -327,7 +330,7 @@ fn wrap(angle: f64) -> f64 {
     angle - TAU * libm::round(angle / TAU)
 }
 
-/// A quantity over time: quintic ramps, with constant values between them.
+/// A quantity of the flight over time: it changes by quintic ramps, and is constant between them.
 #[derive(Debug, Clone)]
 struct Plan {
     initial: f64,
@@ -352,7 +355,7 @@ impl Plan {
             .ramps
             .last()
             .map_or((self.initial, f64::NEG_INFINITY), |last| (last.from + last.change, last.start + last.duration));
-        // The starts of ramps are sums of the same durations in different orders, so they are equal up to rounding.
+        // The planned start may lie before the end of the last ramp by a rounding error only.
         assert!(duration > 0.0 && start >= free - 1e-6, "ramps follow one another");
         self.ramps.push(Ramp { start: start.max(free), duration, from, change });
     }

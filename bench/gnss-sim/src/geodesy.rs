@@ -39,9 +39,7 @@ impl Geodetic {
         ]
     }
 
-    /// Returns the position at earth-centred, earth-fixed coordinates, m, by fixed-point iteration. Each of eight
-    /// rounds gains a factor of e² ≈ 1/150, which reaches the resolution of the float64 from the ground to the
-    /// stratosphere, except within kilometres of the earth's axis.
+    /// Returns the position at earth-centred, earth-fixed coordinates, m, by eight fixed-point iterations.
     #[must_use]
     pub fn from_ecef([x, y, z]: [f64; 3]) -> Self {
         let p = sqrt(x * x + y * y);
@@ -50,7 +48,7 @@ impl Geodetic {
             let n = prime_vertical_radius(sin(lat));
             lat = atan2(z + E2 * n * sin(lat), p);
         }
-        // With both coordinates the height's rounding error is small at every latitude.
+        // The height is calculated by a formula that has a small rounding error at every latitude.
         let n = prime_vertical_radius(sin(lat));
         let height = p * cos(lat) + z * sin(lat) - SEMI_MAJOR_AXIS * SEMI_MAJOR_AXIS / n;
         Self { latitude: lat.to_degrees(), longitude: atan2(y, x).to_degrees(), height }
@@ -119,7 +117,7 @@ mod tests {
     fn the_ellipsoid_has_its_published_axes() {
         let equator = Geodetic { latitude: 0.0, longitude: 90.0, height: 0.0 }.to_ecef();
         assert!((equator[1] - 6_378_137.0).abs() < 1e-9 && equator[0].abs() < 1e-9);
-        // The pole is at the semi-minor axis, NIMA TR8350.2 table 3.3.
+        // A pole is one semi-minor axis away from the centre (NIMA TR8350.2, table 3.3).
         let pole = Geodetic { latitude: 90.0, longitude: 0.0, height: 0.0 }.to_ecef();
         assert!((pole[2] - 6_356_752.314_2).abs() < 1e-4, "{pole:?}");
     }

@@ -12,11 +12,11 @@
 //! their `iTOW`:
 //!
 //! - The bytes before the first epoch, and the first epoch, are sent [`FIRST_BURST_NS`] after reset.
-//! - A NAV message with a right checksum and a later `iTOW` begins the next epoch, also over the roll-over of the week.
-//!   A step longer than [`GAP_MAX_MS`] (a tunnel, or a resumed recording) is shortened to that length.
-//! - A NAV-PVT whose `iTOW` is *not* later (a receiver without the time, or several logs in one file) begins an epoch
-//!   too, [`PERIOD_WITHOUT_TIME_MS`] after the one before. Other late messages do not.
-//! - All other bytes belong to the epoch before them.
+//! - A NAV message with a right checksum and a later `iTOW` begins the next epoch. A roll-over of the week counts as
+//!   later. A step longer than [`GAP_MAX_MS`], as in a tunnel, is shortened to that length.
+//! - A NAV-PVT whose `iTOW` is *not* later begins an epoch too, [`PERIOD_WITHOUT_TIME_MS`] after the one before. Such
+//!   messages come from a receiver without the time. Other late messages begin no epoch.
+//! - Bytes of any other kind belong to the epoch before them.
 //! - A burst never starts before the burst ahead of it has left the UART.
 //!
 //! # The positions
@@ -32,13 +32,13 @@ use std::path::{Path, PathBuf};
 
 use crate::ubx::{self, Frame, NavPvt, WEEK_MS};
 
-/// The instant at which a log's first byte is sent, ns after reset: late enough for the firmware to receive it.
+/// The instant at which a log's first byte is sent, ns after reset. HORUS has started by then and receives it.
 pub const FIRST_BURST_NS: u64 = 100_000_000;
 
-/// The longest pause between two epochs, ms, to which longer ones are shortened.
+/// The longest pause between two epochs, ms. A longer pause in the log is shortened to it.
 pub const GAP_MAX_MS: u32 = 5_000;
 
-/// The pause before an epoch whose time of week does not give its distance from the epoch before, ms.
+/// The pause before an epoch whose time of week is not later than that of the epoch before, ms.
 pub const PERIOD_WITHOUT_TIME_MS: u32 = 1_000;
 
 /// The length of the longest log that is read, bytes: more than a day at 1 Mbit/s.
@@ -93,13 +93,13 @@ pub struct LogCounts {
     pub bytes: usize,
     /// The number of UBX messages with a right checksum.
     pub ubx: usize,
-    /// The number of NAV-PVT messages among the UBX messages, with and without a valid position.
+    /// The number of NAV-PVT messages, whether or not their position is valid.
     pub nav_pvt: usize,
     /// The number of NMEA sentences with a right checksum.
     pub nmea: usize,
     /// The number of RTCM 3 messages with a right CRC.
     pub rtcm: usize,
-    /// The number of bytes outside whole messages: those of damaged or incomplete messages, and noise.
+    /// The number of bytes that belong to no whole message, such as noise and damaged or incomplete messages.
     pub unknown_bytes: usize,
 }
 
@@ -119,7 +119,7 @@ pub struct RecordedPosition {
 impl RecordedPosition {
     /// Longitude, degrees: the float64 nearest to the decimal number in the message.
     ///
-    /// It is a quotient, because a division of two exact numbers is rounded correctly, while 1e-7 is not exact.
+    /// The value is divided by 1e7, because the division of two exact numbers is rounded correctly; 1e-7 is not exact.
     #[must_use]
     pub fn longitude(&self) -> f64 {
         f64::from(self.longitude_1e7) / 1e7
@@ -147,7 +147,7 @@ impl RecordedPosition {
             Some(i32::from_le_bytes(frame.payload.get(offset..offset + 4)?.try_into().ok()?))
         };
         let byte = |offset: usize| frame.payload.get(offset).copied();
-        // 1 is dead reckoning, 2 2D, 3 3D, 4 GNSS and dead reckoning; 5 is time only.
+        // The fix types are: 1 dead reckoning, 2 2D, 3 3D, 4 GNSS and dead reckoning, 5 time only.
         let fixed = matches!(byte(20)?, 1..=4);
         let ok = byte(21)? & NavPvt::FLAG_FIX_OK != 0 && byte(78)? & NavPvt::FLAG3_INVALID_LLH == 0;
         (fixed && ok).then_some(())?;
@@ -183,7 +183,7 @@ impl Log {
         Self::from_bytes(path, bytes)
     }
 
-    /// Reads the log in `bytes`; errors name it by `path`.
+    /// Reads the log in `bytes`. `path` names the log in errors.
     ///
     /// # Errors
     ///
@@ -241,7 +241,7 @@ impl Log {
         self.counts
     }
 
-    /// All bytes, as recorded.
+    /// Returns all bytes of the log, as recorded.
     #[must_use]
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
@@ -271,7 +271,7 @@ impl Log {
 struct Cutter {
     epoch: Option<u32>,
     has_pvt: bool,
-    /// The beginning of each epoch but the first: the time since the first epoch, ns, and the offset in the log.
+    /// Where each epoch but the first begins: the time since the first epoch, ns, and the offset in the log.
     cuts: Vec<(u64, usize)>,
     now_ns: u64,
 }
@@ -299,7 +299,7 @@ impl Cutter {
     }
 
     fn bursts(self, length: usize) -> Vec<(u64, Range<usize>)> {
-        // The bytes before the first epoch belong to its burst.
+        // Bytes before the first epoch are sent in the first epoch's burst.
         let starts = std::iter::once((0, 0)).chain(self.cuts.iter().copied());
         let ends = self.cuts.iter().map(|(_, offset)| *offset).chain([length]);
         starts.zip(ends).map(|((at, start), end)| (FIRST_BURST_NS + at, start..end)).collect()
@@ -324,7 +324,7 @@ fn nmea_at_start_of(bytes: &[u8]) -> Option<usize> {
 /// The length of the RTCM 3 message with a right CRC at the start of `bytes`, if there is one (RTCM 10403: 0xD3, 6 zero
 /// bits, 10 bits of length, CRC-24Q).
 fn rtcm_at_start_of(bytes: &[u8]) -> Option<usize> {
-    // CRC-24Q (polynomial 0x864CFB, start value 0) has LTE's name in the `crc` crate.
+    // The `crc` crate names CRC-24Q (polynomial 0x864CFB, start value 0) after LTE.
     const CRC_24Q: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_24_LTE_A);
     let [0xd3, high, low, ..] = *bytes else {
         return None;

@@ -2,23 +2,23 @@
 //!
 //! # Design
 //!
-//! A receiver is an iterator of [`Burst`]s in order of time. It calculates a burst on request and keeps only the state
-//! before the burst that is due, so a run of any length needs no memory. Its bit rate only keeps a burst from starting
-//! while the one before is on the line.
+//! A receiver is an iterator of [`Burst`]s in order of time. It calculates each burst when it is asked for it, from the
+//! state before, so a run of any length needs no memory. A burst starts only when the one before has left the line, at
+//! the receiver's bit rate.
 //!
 //! A generated receiver starts as if HORUS had configured it before; [`Receiver::with_factory_settings`] returns one
-//! without that. Its input ([`Receiver::hear`]) may change its output, and the burst that was due is then calculated
-//! again.
+//! that HORUS has yet to configure. A message to the receiver ([`Receiver::hear`]) may change its output; the next
+//! burst is then calculated again.
 //!
 //! # The errors of a generated receiver
 //!
-//! - It calculates solutions for epochs that are multiples of its period in GPS time. Reset occurs at a random instant
-//!   of GPS time, so epochs are not aligned with the 10 ms cycle of HORUS.
-//! - Its clock drifts and is kept within ±0.5 ms of GPS time by steps of 1 ms, as in u-blox receivers. A solution is
-//!   for the instant at which that clock shows the epoch.
-//! - Its position has a wandering bias (first-order Gauss-Markov) and white noise. Its velocity, attitude and
-//!   acceleration have white noise; attitude and acceleration also have a constant error from the mounting.
-//! - A solution leaves the receiver 40 to 80 ms after its epoch, by model, with jitter.
+//! - The receiver calculates solutions for epochs that are multiples of its period in GPS time. Reset occurs at a
+//!   random instant of GPS time, so epochs are not aligned with the 10 ms cycle of HORUS.
+//! - The receiver's clock drifts. Steps of 1 ms keep it within ±0.5 ms of GPS time, as in u-blox receivers. A solution
+//!   is for the instant at which this clock shows the epoch.
+//! - The position has a wandering bias (first-order Gauss-Markov) and white noise. Velocity, attitude and acceleration
+//!   have white noise. Attitude and acceleration also have a constant error from the mounting.
+//! - A solution leaves the receiver 40 to 80 ms after its epoch, depending on the receiver's model, and with jitter.
 //!
 //! Receivers of an odd number have inertial sensors and send NAV-ATT and ESF-INS; the others only send NAV-PVT.
 
@@ -137,7 +137,7 @@ impl Model {
     }
 }
 
-/// A receiver: an iterator of its bursts in order. A clone with the same inputs yields the same bursts.
+/// A receiver, as an iterator of its bursts in order of time. A clone with the same inputs yields the same bursts.
 #[derive(Debug, Clone)]
 pub struct Receiver {
     source: Source,
@@ -165,7 +165,7 @@ impl Receiver {
         Self::from_source(Source::Generated(Box::new(Generated::new(model, index, seed, flight))))
     }
 
-    /// Returns the receiver connected by `port`, whose part of the configuration then applies.
+    /// Connects the receiver by `port`, and returns it. Only the settings of the connected port have an effect.
     #[must_use]
     pub fn connected_by(mut self, port: Port) -> Self {
         self.rebuild(|generated| generated.port = port);
@@ -179,7 +179,8 @@ impl Receiver {
         self
     }
 
-    /// Returns the receiver with a solution every `period_ms` milliseconds; it refuses every other period.
+    /// Makes the receiver compute a solution every `period_ms` milliseconds and refuse any other period, and returns
+    /// it.
     ///
     /// # Panics
     ///
@@ -203,8 +204,8 @@ impl Receiver {
         }
     }
 
-    /// Processes a byte, `None` for an unreadable one, that arrives at `at_ns` (ns after reset). Returns the answer, if
-    /// any, which is sent at the bit rate that applies from then on.
+    /// Processes a byte that arrives at `at_ns` (ns after reset), `None` for an unreadable byte. Returns the answer to
+    /// a completed message, which is sent at the bit rate that the message may just have set.
     pub fn hear(&mut self, at_ns: u64, byte: Option<u8>) -> Option<Vec<u8>> {
         let Source::Generated(generated) = &mut self.source else { return None };
         let answer = generated.configuration.hear(byte)?;
@@ -236,7 +237,7 @@ impl Receiver {
         }
     }
 
-    /// Adapts the output to a configuration that may have changed at `at_ns` (ns after reset).
+    /// Calculates the next burst again if the configuration has changed at `at_ns` (ns after reset).
     fn reconfigured(&mut self, at_ns: u64) {
         let Source::Generated(generated) = &mut self.source else { return };
         if generated.configuration.output() == generated.output {
@@ -311,7 +312,8 @@ impl Receiver {
         self.bit_rate
     }
 
-    /// The instant, ns after reset, at which the last valid position in `burst` has been sent; `None` if there is none.
+    /// The instant, ns after reset, at which the last byte of the last valid position in `burst` has been sent; `None`
+    /// if the burst has no valid position.
     #[must_use]
     pub fn last_solution_ns(&self, burst: &Burst) -> Option<u64> {
         let mut last = None;
@@ -357,7 +359,7 @@ struct Generated {
     configuration: Configuration,
     output: Output,
     solutions: u32,
-    /// The state before the next burst, from which that burst can be calculated again.
+    /// The state of a receiver before its next burst. It is kept so that the burst can be calculated again.
     before: Option<Box<Generated>>,
     flight: Arc<Flight>,
     noise: ChaCha8Rng,
@@ -379,7 +381,8 @@ struct Generated {
 
 impl Generated {
     fn new(model: Model, index: usize, seed: u64, flight: Arc<Flight>) -> Self {
-        // Stream 0 gives what all receivers share, and each receiver draws its noise from a stream of its own.
+        // ChaCha stream 0 draws the values that all receivers share. Each receiver draws its noise from a stream of its
+        // own.
         let mut shared = ChaCha8Rng::seed_from_u64(seed);
         shared.set_stream(0);
         let mut noise = ChaCha8Rng::seed_from_u64(seed);
@@ -426,7 +429,7 @@ impl Generated {
     /// Derives the output from the configuration for the time from `at_ns` (ns after reset) on.
     fn follow_configuration(&mut self, at_ns: u64) {
         self.output = self.configuration.output();
-        // The next epoch must lie after `at_ns` whatever the error of the receiver's clock is.
+        // The clock's error is at most 1 ms, which is added so that the next epoch lies after `at_ns`.
         let period_ns = u64::from(self.output.period_ms) * 1_000_000;
         self.epoch = (self.reset_ns + at_ns + 1_000_000).div_ceil(period_ns);
     }
@@ -437,12 +440,12 @@ impl Generated {
         self.epoch += 1;
         let nominal_ns = epoch_ms * 1_000_000 - self.reset_ns;
         let clock_ns = self.clock_error_ns(nominal_ns);
-        // A clock that is ahead takes the measurement early.
+        // A receiver whose clock is ahead measures early.
         let measured_ns = nominal_ns as f64 - clock_ns;
         let truth = self.flight.state(measured_ns / 1e9);
         let seen = self.observe(&truth);
 
-        // The limit of three standard deviations keeps solutions in order.
+        // The jitter is limited to three standard deviations, so that solutions stay in order.
         let jitter = normal(&mut self.noise).clamp(-3.0, 3.0) * self.model.delay_jitter_ms;
         let sent_ns = measured_ns + (self.model.delay_ms + jitter) * 1e6;
         let bytes = self.messages(epoch_ms, clock_ns, &seen);

@@ -79,13 +79,14 @@ impl<'a> Frame<'a> {
     #[must_use]
     pub fn itow_ms(&self) -> Option<u32> {
         let offset = match (self.class, self.id) {
-            // The time of week is first in POSECEF, POSLLH, STATUS, DOP, ATT, SOL, PVT, VELECEF, VELNED, TIMEGPS,
-            // TIMEUTC, CLOCK, TIMEGLO, TIMEBDS, TIMEGAL, TIMELS, TIMEQZSS, NMI.
+            // These messages begin with the time of week: POSECEF, POSLLH, STATUS, DOP, ATT, SOL, PVT, VELECEF, VELNED,
+            // TIMEGPS, TIMEUTC, CLOCK, TIMEGLO, TIMEBDS, TIMEGAL, TIMELS, TIMEQZSS, NMI.
             (CLASS_NAV, 0x01..=0x07 | 0x11 | 0x12 | 0x20..=0x28) => 0,
-            // The time of week is first in SVINFO, DGPS, SBAS, ORB, SAT, COV, GEOFENCE, EELL, SLAS, SIG, AOPSTATUS,
-            // EOE.
+            // These messages begin with the time of week too: SVINFO, DGPS, SBAS, ORB, SAT, COV, GEOFENCE, EELL, SLAS,
+            // SIG, AOPSTATUS, EOE.
             (CLASS_NAV, 0x30..=0x32 | 0x34..=0x36 | 0x39 | 0x3d | 0x42 | 0x43 | 0x60 | 0x61) => 0,
-            // The time of week follows a version in ODO, HPPOSECEF, HPPOSLLH, SVIN, RELPOSNED.
+            // These messages begin with a version, which the time of week follows: ODO, HPPOSECEF, HPPOSLLH, SVIN,
+            // RELPOSNED.
             (CLASS_NAV, 0x09 | 0x13 | 0x14 | 0x3b | 0x3c) => 4,
             _ => return None,
         };
@@ -260,7 +261,7 @@ impl EsfIns {
     pub const PAYLOAD: usize = 36;
     /// The number of bytes of the message on the wire.
     pub const WIRE: usize = Self::PAYLOAD + OVERHEAD;
-    /// Version 1 in bits 0 to 7, and in bits 8 to 13 the flags of six valid values.
+    /// The message's first field: version 1 in bits 0 to 7, and in bits 8 to 13 the flags of six valid values.
     const BITFIELD: u32 = 0x3f01;
 
     /// The encoded message.

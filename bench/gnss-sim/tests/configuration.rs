@@ -16,7 +16,7 @@ fn receiver(index: usize, port: Port) -> Receiver {
     Receiver::generated(index, 1, Arc::new(Flight::new(1, 60.0))).connected_by(port)
 }
 
-/// UBX-CFG-VALSET with these keys and values, each value in the size that its key requires.
+/// Returns UBX-CFG-VALSET with these keys and values. Each value has the size that its key requires.
 fn valset(layers: u8, items: &[(u32, u64)]) -> Vec<u8> {
     let mut payload = vec![0, layers, 0, 0];
     for (key, value) in items {
@@ -165,7 +165,8 @@ fn a_message_with_a_key_that_is_not_known_is_refused_whole() {
     refused(&mut receiver, &[(Port::Uart1.protocol_key(OUTPROT_UBX), 2)]);
     refused(&mut receiver, &[]);
     refused(&mut receiver, &[(RATE_MEAS, 200); 65]);
-    // The refused messages have no layer, an unknown version, and an incomplete item.
+    // Each of these messages is refused: the first has no layer, the second an unknown version, and the third an
+    // incomplete item.
     let cut = [0, 1, 0, 0, 1, 0, 0x21, 0x30, 5];
     assert_eq!(tell(&mut receiver, 0, &valset(0, &[(RATE_MEAS, 200)])), answer(NAK));
     assert_eq!(tell(&mut receiver, 0, &ubx::frame(CLASS_CFG, VALSET, &[7, 1, 0, 0])), answer(NAK));

@@ -5,7 +5,7 @@ use gnss_sim::{Flight, State};
 
 const DURATIONS: [f64; 5] = [0.5, 10.0, 37.0, 240.0, 1_500.0];
 
-/// Instants that do not coincide with those of the flight's plans.
+/// Instants spread over a flight, none of which is the start or the end of a phase.
 fn instants(flight: &Flight) -> impl Iterator<Item = f64> {
     let step = flight.planned_seconds() / 2_003.0;
     (0..2_003).map(move |i| f64::from(i) * step + 0.000_37)
@@ -82,8 +82,8 @@ fn nothing_jumps() {
 
 #[test]
 fn the_rotors_push_along_the_body_axis() {
-    // Accelerometers measure acceleration minus gravity, which lies along the body's vertical axis. Drag adds a
-    // component against the direction of flight.
+    // An accelerometer measures acceleration minus gravity. For a rotorcraft that difference points along its vertical
+    // axis, apart from drag against the direction of flight.
     let flight = Flight::new(5, 240.0);
     let mut tilted = 0;
     for t in instants(&flight) {
@@ -100,7 +100,7 @@ fn the_rotors_push_along_the_body_axis() {
 
 #[test]
 fn turn_rates_turn_the_attitude() {
-    // In a small step of time the body frame turns by rate × step about its own axes.
+    // The attitude after a small step of time must be the attitude before, turned by the stated turn rates.
     const H: f64 = 1e-3;
     let flight = Flight::new(6, 60.0);
     for t in instants(&flight) {
@@ -158,7 +158,7 @@ fn it_starts_where_it_should_and_stays_within_reach() {
 #[test]
 fn a_flight_is_a_function_of_seed_and_time() {
     let (a, again, other) = (Flight::new(7, 30.0), Flight::new(7, 30.0), Flight::new(8, 30.0));
-    // The order of the queries must not matter.
+    // The state at an instant must not depend on the order in which instants are queried.
     let forth: Vec<_> = instants(&a).map(|t| a.state(t)).collect();
     let mut back: Vec<_> = instants(&a).collect::<Vec<_>>().into_iter().rev().map(|t| again.state(t)).collect();
     back.reverse();

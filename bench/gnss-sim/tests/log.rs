@@ -25,7 +25,7 @@ fn log(pieces: &[&[u8]]) -> Result<Log, LogError> {
     Log::from_bytes("made.ubx", pieces.concat())
 }
 
-/// For each burst, the time from the first burst, ms, and its length, bytes.
+/// Returns for each burst its time after the first burst, ms, and its length, bytes.
 fn schedule(log: &Log) -> Vec<(u64, usize)> {
     log.bursts().map(|(at, bytes)| ((at - FIRST_BURST_NS) / 1_000_000, bytes.len())).collect()
 }
@@ -57,10 +57,10 @@ fn a_log_is_scheduled_despite_gaps_and_time_that_stands_still() {
         &pvt(WEEK_MS - 200, 1).encode(),
         &pvt(0, 2).encode(),
         &pvt(3_600_000, 3).encode(),
-        // This message has the same time as the last one, and the next has an earlier time.
+        // The first of two NAV-PVT messages repeats the last time of week, and the second has an earlier one.
         &pvt(3_600_000, 4).encode(),
         &pvt(1_000, 5).encode(),
-        // This message of an earlier epoch begins no epoch.
+        // A NAV-ATT with an earlier time of week begins no epoch.
         &NavAtt { itow_ms: 500, ..NavAtt::default() }.encode(),
         &pvt(1_200, 6).encode(),
     ])
@@ -88,7 +88,7 @@ fn damaged_messages_neither_count_nor_tell_the_time() {
     damaged[30] ^= 0x10;
     let mut headless = pvt(9_500, 3).encode();
     headless[1] = 0x77;
-    // A frame that announces more bytes than follow must not hide the next message.
+    // A frame announces more bytes than follow. It must not hide the next message.
     let announced = [0xb5, 0x62, 0x01, 0x07, 0xff, 0xff];
     let log = log(&[&pvt(1_000, 1).encode(), &damaged, &headless, &announced, &pvt(1_100, 4).encode()])
         .expect("it holds positions");
@@ -134,7 +134,7 @@ fn only_fixes_that_a_receiver_vouches_for_are_positions() {
 
 #[test]
 fn a_position_is_the_float_nearest_to_its_decimal_number() {
-    // For this value the quotient and the product with 1e-7 differ in the last bit.
+    // For this longitude, dividing by 1e7 and multiplying by 1e-7 give numbers that differ in the last bit.
     let log = log(&[&pvt(1_000, -22_402_964).encode()]).expect("it holds a position");
     let position = log.positions()[0];
     assert_eq!(position.longitude().to_bits(), (-2.240_296_4_f64).to_bits());
@@ -168,7 +168,7 @@ fn logs_that_cannot_be_played_say_why() {
 
 #[test]
 fn a_receiver_plays_the_log_without_overlap_on_its_line() {
-    // 10 kB every 100 ms exceed 460 800 bit/s, so bursts queue in order.
+    // 10 kB every 100 ms are more than a line of 460 800 bit/s can carry, so bursts queue in order.
     let big = ubx::frame(0x0a, 0x04, &[0x55; 10_000]);
     let log = log(&[&pvt(1_000, 1).encode(), &big, &pvt(1_100, 2).encode(), &big, &pvt(2_000, 3).encode()])
         .expect("it holds positions");
@@ -180,7 +180,7 @@ fn a_receiver_plays_the_log_without_overlap_on_its_line() {
     assert_eq!(bursts.iter().map(|b| b.at_ns - FIRST_BURST_NS).collect::<Vec<_>>(), [0, line, 1_000_000_000]);
 }
 
-/// The path of the recording in the folder beside the workspace, if it exists.
+/// The path of a recording beside the workspace; `None` if the file does not exist.
 fn recording(name: &str) -> Option<PathBuf> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/ubx").join(name);
     if !path.exists() {
@@ -204,7 +204,7 @@ fn a_real_recording_plays_second_by_second() {
     let played: Vec<_> = Receiver::recorded(Arc::new(log.clone())).flat_map(|burst| burst.bytes).collect();
     assert_eq!(played, log.bytes());
 
-    // The crate `ublox` must find the same positions.
+    // The crate `ublox` must find the same positions in the log.
     let mut parser = ublox::ParserBuilder::new().with_protocol::<ublox::proto27::Proto27>().with_vec_buffer();
     let mut found = parser.consume_ubx(log.bytes());
     let mut theirs = Vec::new();

@@ -25,7 +25,8 @@ fn bursts(index: usize, seed: u64, flight: &Arc<Flight>) -> Vec<Burst> {
 /// A receiver's solutions as the crate `ublox` reads them.
 #[derive(Debug, Default)]
 struct Seen {
-    /// For each position, the time of week (ms), latitude, longitude, height, and the burst's instant, ns after reset.
+    /// The positions, each with time of week (ms), latitude, longitude, height, and the burst's instant, ns after
+    /// reset.
     positions: Vec<(u32, f64, f64, f64, u64)>,
     /// The attitudes: (roll, pitch, heading), degrees.
     attitudes: Vec<[f64; 3]>,
@@ -89,7 +90,7 @@ fn positions_are_the_flights_within_what_the_receiver_promises() {
         let mut errors = Vec::new();
         for (_, latitude, longitude, height, at_ns) in &seen.positions {
             let told = gnss_sim::Geodetic { latitude: *latitude, longitude: *longitude, height: *height };
-            // The delay's jitter and the clock's error are at most 10 ms, which is 0.16 m at 16 m/s.
+            // The jitter of the delay and the clock's error move a solution by at most 10 ms. This is 0.16 m at 16 m/s.
             let then = *at_ns as f64 / 1e9 - model.delay_ms / 1e3;
             let truth = flight.state(then).ned;
             let ned = flight.plane().to_ned(told);
@@ -99,7 +100,7 @@ fn positions_are_the_flights_within_what_the_receiver_promises() {
         {
             let worst = errors.iter().map(|e| e[axis].abs()).fold(0.0, f64::max);
             assert!(worst < 4.0 * bias + 5.0 * white + 0.2, "{index} {axis}: {worst}");
-            // White noise appears in the differences of successive errors, and must be as large as specified.
+            // The differences of successive errors show the white noise, which must be as large as specified.
             let steps: Vec<_> = errors.windows(2).map(|e| e[1][axis] - e[0][axis]).collect();
             let deviation = (steps.iter().map(|s| s * s).sum::<f64>() / steps.len() as f64 / 2.0).sqrt();
             assert!((white * 0.8..white * 1.6 + 0.05).contains(&deviation), "{index} {axis}: {deviation}");
@@ -134,7 +135,8 @@ fn attitude_and_acceleration_are_the_flights() {
 #[test]
 fn delay_and_clock_phase_belong_to_the_receiver() {
     let flight = flight();
-    // All receivers share the GPS time of the reset, so their instants of iTOW zero differ only by delay and clock.
+    // All receivers share the GPS time of the reset. The instants of their time of week zero may therefore differ only
+    // by their delays and clocks.
     let origin = |index: usize| -> Vec<f64> {
         let seen = read(&bursts(index, 4, &flight));
         seen.positions.iter().map(|p| p.4 as f64 / 1e6 - f64::from(p.0)).collect()
@@ -169,7 +171,7 @@ fn the_clock_in_the_message_is_utc_at_the_time_of_week() {
 fn bursts_follow_one_another_without_overlap() {
     let flight = flight();
     for index in 1..=5 {
-        // At 9600 bit/s the line of a 25 Hz receiver is overloaded, and bursts queue in order.
+        // A receiver of 25 Hz sends more than a line of 9600 bit/s can carry, so its bursts queue in order.
         for bit_rate in [BIT_RATE, 9_600] {
             let receiver = Receiver::generated(index, 6, Arc::clone(&flight)).at_bit_rate(bit_rate);
             let mut idle = 0;
@@ -206,7 +208,7 @@ fn the_last_solution_of_a_burst_has_arrived_with_its_last_byte() {
     let mut bytes = b"$GNGLL,noise*00\r\n".to_vec();
     bytes.extend(&fix);
     let solved = bytes.len();
-    // A message without a position follows, then an incomplete one.
+    // The burst goes on with a message without a position, and an incomplete message.
     bytes.extend(none.iter().chain(&fix[..fix.len() - 1]));
     let burst = Burst { at_ns: 7_000, bytes };
     assert_eq!(receiver.last_solution_ns(&burst), Some(7_000 + receiver.line_time_ns(solved)));

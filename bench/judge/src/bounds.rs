@@ -2,12 +2,13 @@
 
 /// The largest spread, peak to peak, of the time from a HORUS tick to its transmit command (docs/design.md#timing).
 pub const TICK_TO_COMMAND_JITTER: u64 = 100;
-/// [`TICK_TO_COMMAND_JITTER`] on the pessimistic clock, where an interrupt waits for the longest instruction.
+/// The limit [`TICK_TO_COMMAND_JITTER`] for runs on the pessimistic clock, where an interrupt waits for the longest
+/// instruction.
 pub const TICK_TO_COMMAND_JITTER_PESSIMISTIC: u64 = 1_000;
 /// The largest spread, peak to peak, of the time from a HORUS tick to the first bit on air (docs/design.md#timing).
 pub const TICK_TO_AIR_JITTER: u64 = 3_000;
-/// The longest time from a frame's last bit until its image is readable, if the listener reads its FIFO during the
-/// frame: docs/design.md#timing.
+/// The longest time from a frame's last bit until its image is readable. It holds if the listener reads its FIFO during
+/// the frame: docs/design.md#timing.
 pub const LAST_BIT_TO_READABLE: u64 = 100_000;
 /// The longest time from the end of an SSI transaction until the DPR is ready for the next one: docs/design.md#timing.
 pub const SSI_READY: u64 = 10_000;
@@ -15,7 +16,7 @@ pub const SSI_READY: u64 = 10_000;
 pub const SAMPLE_TO_READABLE: u64 = 10_000_000;
 /// The length of a cycle: docs/design.md#timing.
 pub const CYCLE: u64 = 10_000_000;
-/// The load is judged only in a run longer than this, because a start takes most of the load of a shorter run.
+/// The processor load is judged only in runs longer than this. In a shorter run the start takes most of the load.
 pub const LOAD_FROM: u64 = 300_000_000;
 /// The longest processor time that a start of HORUS takes; 36 ms were measured on the pessimistic clock.
 pub const HORUS_START_WORK: u64 = 40_000_000;
@@ -24,9 +25,11 @@ pub const DPR_START_WORK: u64 = 20_000_000;
 /// The highest processor load allowed, in ten thousandths: docs/design.md#timing.
 pub const LOAD_PER_10_000: u32 = 1_000;
 
-/// The greatest share of the DPR's time, in ten thousandths, that its second port may take in addition.
+/// The share of the DPR's processor time, in ten thousandths, that the second port may take on top of
+/// [`LOAD_PER_10_000`].
 pub const HOLD_LOAD_PER_10_000: u32 = 150;
-/// How long after a frame's end the DPR counts the next frame as missed: docs/design.md#publication.
+/// The time from a frame's end to the deadline at which the DPR counts the next frame as missed:
+/// docs/design.md#publication.
 pub const FRAME_DEADLINE: u64 = 12_500_000;
 /// How long an image that is not replaced stays readable after its publication: docs/design.md#publication.
 pub const EXPIRY: u64 = 25_000_000;
@@ -41,7 +44,7 @@ pub const START: u64 = 100_000_000;
 pub const TICK_TOLERANCE: u64 = 210_000;
 /// The largest spread, peak to peak, of the time between two ticks while HORUS runs without a restart.
 pub const TICK_WIDTH: u64 = 1_000;
-/// How long after a tick the judge reports the next tick as missing.
+/// How long after a tick the next tick must come, or else the judge reports it as missing.
 pub const TICK_MISSING: u64 = CYCLE + CYCLE / 2;
 /// The longest time from a transmit command to the first preamble bit. In recordings the front end takes 3 to 5 µs; its
 /// data sheet states no bound.
@@ -55,8 +58,8 @@ pub const COMMAND_TO_END: u64 = 20_500_000;
 pub const FIELD_RECOVERY: u64 = 2 * CYCLE + CYCLE / 2;
 /// How long after the return of the field no frame is required, because HORUS checks its front end first.
 pub const FIELD_READY: u64 = CYCLE;
-/// The longest time from a change of the field at the DPR's antenna until Link-Status must state the change. It covers
-/// two publications without a frame, 12.5 ms each, and the front end's detection.
+/// The longest time from a change of the field at the DPR's antenna until Link-Status must state the change. Two
+/// publications without a frame, 12.5 ms each, and the front end's detection fit into this time.
 pub const FIELD_TOLD: u64 = 30_000_000;
 /// The longest time that HORUS's watchdog takes to bite: 100 ms at 32 kHz, but its oscillator may run at 17 kHz
 /// (DS9405).
@@ -69,60 +72,69 @@ pub const WATCHDOG_FED: u64 = 40_000_000;
 /// The longest time that the DPR's watchdog takes to bite: 100 ms of an RC oscillator of 32.768 kHz that may be off by
 /// 2 % (nRF52840 PS 5.4). Another 2 % is allowed, because chips were seen that barely keep the specified 2 %.
 pub const DPR_WATCHDOG_LONGEST: u64 = 104_000_000;
-/// For HORUS and for the DPR, how long after the death of a task the board's watchdog may still be fed, because the
-/// task had checked in before. Every task of HORUS checks in once a cycle. The DPR's SSI task may check in only at the
-/// end of a transaction (`dpr_fw::ssi`), which a flight controller may delay until the watchdog bites.
+/// For HORUS and for the DPR, how long the watchdog may still be fed after a task has died, because the task may have
+/// checked in just before.
+///
+/// Every task of HORUS checks in once a cycle. The DPR's SSI task may check in only at the end of a transaction
+/// (`dpr_fw::ssi`), which a flight controller may delay until the watchdog bites.
 pub const CHECKED_IN: [u64; 2] = [FRAME_DEADLINE + CYCLE, DPR_WATCHDOG_LONGEST];
-/// How long after a tick an arriving message may still be in that tick's objects. HORUS takes the values of its objects
-/// between the tick and the first slot, at most 0.12 ms later (docs/design.md#timing). The value includes a margin.
+/// How long after a tick an arriving message may still be in that tick's objects. HORUS takes the values at most 0.12
+/// ms after the tick (docs/design.md#timing); the rest is a margin.
 pub const SAMPLED_AFTER_TICK: u64 = 350_000;
-/// How long before a tick the last byte of a message must have crossed its line to be in that tick's objects for
-/// certain. HORUS looks at a receive ring once a cycle at least, and parses the bytes in less than 2 ms.
+/// How long before a tick the last byte of a message must have arrived to be in that tick's objects for certain. HORUS
+/// reads a receive ring once a cycle at least, and parses the bytes in less than 2 ms.
 pub const MESSAGE_TAKEN: u64 = CYCLE + 2_000_000;
-/// A solution is valid until its age exceeds its receiver's period by this time: docs/design.md#validity.
+/// How much longer than its receiver's period a solution stays valid: docs/design.md#validity.
 pub const VALID_BEYOND_PERIOD: u64 = 150_000_000;
-/// A solution is stale once its age exceeds its receiver's period by this time: docs/design.md#validity.
+/// How much older than its receiver's period a solution is when it becomes stale: docs/design.md#validity.
 pub const STALE_BEYOND_PERIOD: u64 = 50_000_000;
-/// How long after a receiver's last message HORUS's status calls that receiver heard: docs/design.md#status-words.
+/// How long after a receiver's last message HORUS's status must state that messages arrive from this receiver:
+/// docs/design.md#status-words.
 pub const HEARD: u64 = 250_000_000;
 /// The longest period that HORUS accepts from a receiver, ms: docs/design.md#validity.
 pub const LONGEST_PERIOD_MS: u32 = 1_000;
 /// The shortest period that HORUS accepts from a receiver, ms: 50 Hz, twice the rate of the fastest receivers.
 pub const SHORTEST_PERIOD_MS: u32 = 20;
 
-/// The longest time in which HORUS must have read some of the bytes that a receiver on a bus offers. It counts from the
-/// offer or from the end of a fault of the bus. The value is a receiver's longest period: a position is not valid for
-/// much longer (docs/design.md#validity).
+/// The longest time that HORUS may leave the bytes of a receiver on a bus unread, counted from when the receiver offers
+/// them or from the end of a fault of the bus. A position is not valid for much longer than this time, the longest
+/// period of a receiver (docs/design.md#validity).
 pub const READ_WITHIN: u64 = 1_000_000_000;
-/// How long bytes wait in a receiver on a bus before they are old. HORUS may drop old bytes, and may drop what it reads
-/// within [`READ_SETTLED`] after old bytes. HORUS reads in every cycle but may leave one cycle out.
+/// How long bytes wait in a receiver on a bus before they count as old. HORUS may drop old bytes, and what it reads
+/// within [`READ_SETTLED`] after them. HORUS may leave out one of its reads, which come once a cycle.
 pub const NEWS: u64 = 25_000_000;
 /// How long HORUS may drop what it reads from a receiver on a bus, counted from a read of old bytes ([`NEWS`]) or from
-/// a failure of the bus. HORUS needs this time to determine which bytes are new.
+/// a failure of the bus. In this time HORUS finds out which bytes are new.
 pub const READ_SETTLED: u64 = 100_000_000;
-/// HORUS must not use bytes that have waited in a receiver on a bus for longer than this.
+/// The longest time that bytes may have waited in a receiver on a bus if HORUS uses them.
 pub const TOO_OLD: u64 = 50_000_000;
-/// If more bytes than this wait in a receiver, HORUS leaves some of them for its next cycle (decision 16) and may drop
-/// them.
+/// The number of bytes that HORUS reads from a receiver in one cycle (decision 16). HORUS leaves further bytes for its
+/// next cycle and may drop them.
 pub const READ_AT_ONCE: u64 = 256;
 /// The dynamic model that every receiver must use: airborne below 2 g, as u-blox' CFG-NAVSPG-DYNMODEL numbers it.
 pub const DYNAMIC_MODEL: u8 = 7;
-/// The longest time until HORUS has sent a receiver its settings. It counts from HORUS's start, from the loss of a
-/// setting, or from the end of a fault. It covers 1.5 s until HORUS begins, 0.7 s at each of two bit rates, and two
-/// messages without an answer, 1 s each.
+/// The longest time until HORUS has sent a receiver its settings, counted from HORUS's start, from the loss of a
+/// setting, or from the end of a fault.
+///
+/// To set a receiver, HORUS waits for 1.5 s, tries two bit rates for 0.7 s each, and waits 1 s for the answer to each
+/// of two messages.
 pub const SETTINGS_TOLD: u64 = 5_000_000_000;
-/// The longest time until HORUS must send a valid position, from its start or from when enough receivers work again. In
-/// this time the receivers are set, the slowest sends a solution, and a jump of the position is held back.
+/// The longest time until HORUS must send a valid position, counted from HORUS's start or from when enough receivers
+/// work again.
+///
+/// To have a valid position, HORUS sends the receivers their settings, waits for the slowest receiver's solution, and
+/// holds a jump of the position back.
 pub const POSITION_WITHIN: u64 = SETTINGS_TOLD + READ_WITHIN + HELD_BACK;
-/// How long after a fault of a receiver HORUS's objects may lack its position and may call the receiver excluded.
+/// How long after a receiver's fault HORUS may send objects without that receiver's position, or call the receiver
+/// excluded.
 pub const POSITION_SETTLED: u64 = SETTINGS_TOLD + RETURNED;
-/// The greatest age of a position that is shown as valid. A solution is valid for its period and
-/// [`VALID_BEYOND_PERIOD`] (docs/design.md#validity), and takes up to [`BEFORE_ARRIVAL`] and [`BEFORE_ARRIVAL_SPREAD`]
-/// to arrive.
+/// The greatest age of a position that is shown as valid. A solution arrives up to [`BEFORE_ARRIVAL`] and
+/// [`BEFORE_ARRIVAL_SPREAD`] after its epoch, and is then valid for its period and [`VALID_BEYOND_PERIOD`]
+/// (docs/design.md#validity).
 pub const POSITION_OLDEST: u64 =
     LONGEST_PERIOD_MS as u64 * 1_000_000 + VALID_BEYOND_PERIOD + BEFORE_ARRIVAL + BEFORE_ARRIVAL_SPREAD;
-/// The largest error of a valid position, horizontal and vertical, m. Each value is five times the error that the worst
-/// receiver exceeds in one of 68 cases.
+/// The largest error of a valid position, horizontal and vertical, m. Either limit is five times the error that the
+/// worst receiver exceeds in one of 68 solutions.
 pub const POSITION_OFF_M: [f64; 2] = [10.0, 20.0];
 
 /// The step, ns, in which a GPS object's status states the age of its solution: docs/design.md#status-words.
@@ -143,21 +155,21 @@ pub const fn quorum(receivers: usize) -> usize {
         _ => 3,
     }
 }
-/// The worst accuracies, horizontal and vertical, with which a position is valid, mm.
+/// The largest accuracies that a receiver may state for a valid position, horizontal and vertical, mm.
 pub const WORST_ACCURACY_MM: [u32; 2] = [30_000, 50_000];
 /// The greatest speed with which a position is valid, mm/s.
 pub const FASTEST_MM_S: u32 = 200_000;
 /// The heights above the ellipsoid at which a valid position may lie, mm.
 pub const ALTITUDE_MM: std::ops::RangeInclusive<i32> = -1_000_000..=20_000_000;
-/// How much older, ns, a position is than its message, since a receiver needs time to compute and send it. HORUS
-/// assumes this value for the receiver with the middle latency among those in the vote (decision 15, brought to the
-/// tick).
+/// The middle latency that HORUS assumes, ns: the time by which a position is older than its message, because a
+/// receiver needs time to compute and send it. HORUS assumes this value for the receiver with the middle latency in the
+/// vote (decision 15).
 pub const BEFORE_ARRIVAL: u64 = 50_000_000;
-/// The greatest difference, ns, between a receiver's latency and the middle latency, [`BEFORE_ARRIVAL`]. If the
-/// difference seems greater, HORUS assumes the middle latency for this receiver too.
+/// The greatest difference, ns, between a receiver's latency and the middle latency, [`BEFORE_ARRIVAL`]. For a greater
+/// difference HORUS assumes the middle latency.
 pub const BEFORE_ARRIVAL_SPREAD: u64 = 50_000_000;
-/// Two limits, m, of the distance between two receivers: one pair horizontal, one pair vertical. Up to the first limit
-/// the receivers agree whatever accuracies they state. Beyond the second they disagree.
+/// Two limits, m, on the distance between two receivers, each horizontal and vertical. Nearer than the first limit, two
+/// receivers agree whatever accuracies they state. Farther apart than the second, they disagree.
 pub const AGREEMENT_M: [(f64, f64); 2] = [(5.0, 30.0), (8.0, 50.0)];
 /// Between the limits of [`AGREEMENT_M`], two receivers agree if their distance is at most this many times the root of
 /// the sum of the squares of their accuracies.
@@ -166,23 +178,24 @@ pub const AGREEMENT_SIGMAS: f64 = 3.0;
 pub const ATTITUDE_DEGREES: [f64; 3] = [5.0, 10.0, 5.0];
 /// The difference along each axis, m/s², up to which two accelerations agree.
 pub const ACCELERATION_M_S2: f64 = 2.0;
-/// How long a voted position that jumps must have lasted for HORUS to have to show it (docs/design.md#voting).
+/// How long the voted position must stay where it jumped to until HORUS must show it (docs/design.md#voting).
 pub const HELD_BACK: u64 = RETURNED;
-/// How long a voted position that jumps must have lasted before HORUS may show it: one second less tolerances.
+/// How long the voted position must stay where it jumped to before HORUS may show it: one second less tolerances.
 pub const NOT_HELD_BACK: u64 = NOT_RETURNED;
-/// HORUS adds this time, s, times a receiver's speed to the receiver's accuracy when HORUS brings the position to the
-/// tick. It also adds half of [`UNCERTAIN_ACCELERATION`] times the square of the position's age.
+/// How much a receiver's stated accuracy (m) worsens while HORUS brings its position to the tick: by its speed (m/s)
+/// times this constant (s), and by half of [`UNCERTAIN_ACCELERATION`] times the square of the position's age.
 pub const UNCERTAIN_SPEED_S: f64 = 0.05;
-/// The greatest acceleration, m/s², of the aircraft since a receiver's message: see [`UNCERTAIN_SPEED_S`].
+/// The greatest acceleration of the aircraft that HORUS assumes since a receiver's message, m/s²: see
+/// [`UNCERTAIN_SPEED_S`].
 pub const UNCERTAIN_ACCELERATION: f64 = 4.0;
-/// How long an excluded receiver must have agreed with the voted position for HORUS to have to readmit it to the vote.
-/// The rule is one second. HORUS's clock may be off by 2 %, and the judge may not know which messages HORUS had at a
-/// tick.
+/// How long an excluded receiver must agree with the voted position until HORUS must readmit it to the vote. It is one
+/// second by the design, and longer because HORUS's clock may be off by 2 % and the judge may not know which messages
+/// HORUS had at a tick.
 pub const RETURNED: u64 = 1_100_000_000;
-/// How long an excluded receiver must have agreed with the voted position before HORUS may readmit it to the vote.
+/// How long an excluded receiver must agree with the voted position before HORUS may readmit it to the vote.
 pub const NOT_RETURNED: u64 = 950_000_000;
-/// The share of a distance by which two methods of converting degrees into metres may differ. A sphere in place of the
-/// ellipsoid is off by up to 1 %, and decision 15 prescribes no method.
+/// The greatest difference between two ways to convert degrees into metres, as a share of the distance. A sphere in
+/// place of the ellipsoid is off by up to 1 %, and decision 15 prescribes no way.
 pub const GEODESY_SHARE: f64 = 0.01;
 /// The largest error of HORUS's arithmetic in a position, m.
 pub const ARITHMETIC_M: f64 = 0.05;
@@ -195,42 +208,42 @@ pub const ARITHMETIC_F32: f32 = 1e-5;
 pub const FRESH_WIDTH: u64 = 1_500;
 /// The age, ns, beyond which a flight controller must not fly by a position (docs/flight-controller.md).
 pub const CLIENT_AGE_LIMIT: u64 = 100_000_000;
-/// How far, ns, the age that a client states may be below the true age. The value covers the scatter of both front
-/// ends, and crystals that are off by 100 ppm (boards) and 1000 ppm (flight controller) over [`CLIENT_AGE_LIMIT`].
+/// How far, ns, the age that a client states may be below the true age. This covers the scatter of the front ends, and
+/// the error of the crystals over [`CLIENT_AGE_LIMIT`]: 100 ppm on the boards and 1000 ppm in the flight controller.
 pub const CLIENT_AGE_SHORT: u64 = 300_000;
 /// How far, ns, the age that a client states may be above the true age. The client assumes the oldest image possible,
 /// and Link-Status rounds to 0.1 ms.
 pub const CLIENT_AGE_LONG: u64 = EXPIRY + 600_000;
-/// The client must find the sequence within this many transactions, each of which reads the next valid cycle.
+/// The number of transactions within which the client must find the sequence, if each reads the next valid cycle.
 pub const CLIENT_FINDS: u32 = SEARCH_CYCLES as u32 + 2;
-/// How far, ns, the age that the base station states may be from the true age. The base station takes the shortest
-/// transmission as zero. The value covers 45 ms on the air, an image read just before it expires, and the crystals.
+/// How far, ns, the age that the base station states may be from the true age. The base station counts the shortest
+/// transmission as zero, so the value covers 45 ms on the air, an image that is read just before it expires, and the
+/// crystals.
 pub const STATION_AGE_OFF: u64 = 120_000_000;
-/// How long the profiles of a new sequence, as after a restart of HORUS, must have arrived for the base station to have
-/// to show them. The base station waits until the old sequence has been absent for 250 ms, and its alarms of a restart
-/// last for 1 s.
+/// How long the profiles of a new sequence must arrive until the base station must show them. The base station waits
+/// until the old sequence has been absent for 250 ms, and its alarms of a restart of HORUS last for 1 s.
 pub const STATION_SETTLES: u64 = 1_500_000_000;
 /// The age, ns, beyond which the base station calls a position stale (docs/base-station.md).
 pub const STATION_STALE: u64 = 400_000_000;
-/// How long no profile must have arrived for the base station to call the drone silent.
+/// The silence, without any profile, after which the base station calls the drone silent.
 pub const STATION_SILENT: u64 = 1_000_000_000;
 
 // ---- The lines of the receivers
 
-/// How long a line must be silent before HORUS may discard an incomplete message; HORUS waits for 50 ms.
+/// The shortest silence of a line after which HORUS may discard an incomplete message; HORUS waits for 50 ms.
 pub const SILENCE_MAY_END: u64 = 45_000_000;
-/// How long a line must have been silent for HORUS to have discarded an incomplete message. HORUS detects the 50 ms at
-/// one of its checks, one every 10 ms. It then gives the parser 64 zeros at each of up to four checks, more than the
-/// longest message.
+/// The silence of a line after which HORUS must have discarded an incomplete message. HORUS checks every 10 ms whether
+/// the line has been silent for 50 ms. It then gives the parser 64 zeros at each of up to four checks, in all more than
+/// the longest message.
 pub const SILENCE_ENDS: u64 = 110_000_000;
-/// How long no transaction must have been made for the judge to report it: far longer than a control cycle.
+/// The longest pause between two transactions that the judge accepts: far longer than a control cycle.
 pub const NO_TRANSACTION: u64 = 100_000_000;
-/// How long after a restart of HORUS a frame may still break off: not longer than the longest frame lasts.
+/// How long after a restart of HORUS a frame may still break off: the length of the longest frame.
 pub const CUT_SHORT: u64 = 6_000_000;
 /// The number of transactions that the DPR serves at most between two images (`dpr_fw::ssi`).
 pub const SSI_BUDGET: u32 = 16;
-/// How long after a transaction the DPR, ready again, need not detect the end of a further transaction (`dpr_fw::ssi`).
-/// The value covers 95 µs by a counter of µs, and the processor's work before and after.
+/// How long after a transaction the DPR may fail to detect the end of a further transaction, although it is ready
+/// (`dpr_fw::ssi`). The DPR waits 95 µs by a counter of µs, and needs processor time before and after.
 pub const SSI_PAUSE: u64 = 100_000;
 /// The shortest time for which an image is readable: the DPR's clock is off by 2 % at most (docs/design.md#sequence).
 pub const EXPIRY_EARLIEST: u64 = EXPIRY - EXPIRY / 50;
@@ -238,38 +251,40 @@ pub const EXPIRY_EARLIEST: u64 = EXPIRY - EXPIRY / 50;
 pub const AIR_DELAY: u64 = 1_000;
 /// The longest time from the forwarding of a profile to its arrival at the base station.
 pub const DOWNLINK: u64 = 100_000_000;
-/// The longest time from a frame's end, or a deadline, until a transaction reads the resulting image, where no narrower
-/// bound applies. The DPR may have to do three more transfers with its front end and one more commit before.
+/// The longest time from a frame's end, or a deadline, until a transaction can read the resulting image, if no narrower
+/// limit applies. It covers up to three more transfers with the DPR's front end and one more commit.
 pub const PUBLICATION: u64 = 400_000;
-/// [`PUBLICATION`] on the pessimistic clock.
+/// The limit [`PUBLICATION`] for runs on the pessimistic clock.
 pub const PUBLICATION_PESSIMISTIC: u64 = 1_000_000;
 /// The longest time from the instant at which the DPR takes the values of Link-Status until FRESH rises.
 pub const SEALED_BEFORE_FRESH: u64 = 200_000;
 /// The number of cycles that may be missing between two cycles that are in sequence: docs/design.md#sequence.
 pub const MAX_MISSED: u32 = 25;
-/// The greatest difference between the time that passed between two cycles and the step of their timestamps, to which
-/// one part in [`STEP_TOLERANCE_SHARE`] of the step is added: docs/design.md#sequence.
+/// The greatest difference between the time from one cycle to the next and the step of their timestamps. One part in
+/// [`STEP_TOLERANCE_SHARE`] of that step is added: docs/design.md#sequence.
 pub const STEP_TOLERANCE: u64 = 2_500_000;
-/// One part in this number of the step, 2 %, is added to [`STEP_TOLERANCE`].
+/// One part in this number (2 %) of the step between two cycles' timestamps is added to [`STEP_TOLERANCE`].
 pub const STEP_TOLERANCE_SHARE: u64 = 50;
-/// The greatest difference between 10 ms and the time between two cycles in the search (docs/design.md#sequence).
+/// In the search for the sequence, the greatest difference between 10 ms and the time between two cycles
+/// (docs/design.md#sequence).
 pub const SEARCH_TOLERANCE: u64 = 500_000;
 /// The number of consecutive cycles after which the sequence is found (docs/design.md#sequence).
 pub const SEARCH_CYCLES: u8 = 3;
-/// How close to a limit of the sequence's times an instant must be for the judge to require nothing. The value is many
-/// times the scatter of the front ends and the error of the DPR's clock (100 ppm of the longest step are 26 µs).
+/// How close an instant must be to a limit of the sequence's times for the judge to accept either outcome. The value is
+/// many times the scatter of the front ends and the error of the DPR's clock (100 ppm of the longest step are 26 µs).
 pub const SEQUENCE_BAND: u64 = 300_000;
-/// How close to [`SEARCH_TOLERANCE`] an instant must be for the judge to require nothing.
+/// How close an instant must be to [`SEARCH_TOLERANCE`] for the judge to accept either outcome.
 pub const SEARCH_BAND: u64 = 100_000;
-/// The longest time from the carrier's return until the listener receives frames. A listener that was being configured,
-/// or that waits after a failed attempt, starts anew.
+/// The longest time from the carrier's return until the listener receives frames. A listener whose bring-up was
+/// interrupted or has failed is brought up anew.
 pub const ARMED: u64 = 50_000_000;
-/// How long no frame must arrive before the DPR may bring its front end up anew; the DPR waits for 0.5 s.
+/// The shortest silence, without any frame, after which the DPR may bring its front end up anew; the DPR waits for 0.5
+/// s.
 pub const SILENCE: u64 = 450_000_000;
-/// How long after the first frame that follows a silence of [`SILENCE`] the DPR may miss frames and Link-Status may
-/// still report a fault. A bring-up of the front end takes 12 ms.
+/// How long after the frame that ends a [`SILENCE`] the DPR may miss frames and Link-Status may still report a fault. A
+/// bring-up of the front end takes 12 ms.
 pub const SILENCE_OVER: u64 = 2 * CYCLE;
-/// The shortest time between two frames in which a listener can receive both (docs/design.md#air-frame).
+/// The shortest time from one frame to the next with which a listener can receive both (docs/design.md#air-frame).
 pub const FRAME_GAP: u64 = 300_000;
 /// How long after a cycle's first frame the DPR waits for the second (with five receivers), which ends 3.935 ms later.
 pub const SECOND_FRAME: u64 = 7_000_000;
@@ -279,10 +294,10 @@ pub const RESTART_SHOWN: u64 = 1_000_000_000;
 pub const CLOCK_SHARE: u64 = 50;
 /// The shortest time over which the DPR compares HORUS's clock with its own: docs/design.md#sequence.
 pub const CLOCK_WINDOW: u64 = 1_000_000_000;
-/// The most by which two crystals may differ, parts per million: twice 50, and as much again for the temperature.
+/// The greatest difference between two crystals, parts per million: 50 each, and as much again for the temperature.
 pub const CRYSTALS_PPM: u64 = 200;
-/// How long after a fault of a bit in one of the DPR's buffers that buffer may be in use. Three receive buffers and
-/// four images take turns, one in each cycle.
+/// The longest time for which one of the DPR's buffers may stay in use after a fault of a bit in it. Three receive
+/// buffers and four images take turns, one in each cycle.
 pub const BUFFER_REPLACED: u64 = 5 * CYCLE;
 /// The number of cycles in which the link must recover from a disturbance if no front end has to be brought up again.
 /// It covers a frame, the three cycles that find the sequence (docs/design.md#sequence), and the flight controller's
@@ -301,11 +316,11 @@ pub const FRONT_END_RECOVERY: u64 = 15 * CYCLE;
 pub const SELF_TEST: u64 = 5_000_000_000;
 /// The longest time that a pass over the DPR's flash takes: 7.7 s for a program of 96 KiB, and a margin.
 pub const FLASH_PASS_LONGEST: u64 = 9_000_000_000;
-/// The shortest time that a pass over the DPR's flash takes: that of a self-test with a program of 16 KiB.
+/// The shortest time that a pass over the DPR's flash takes: the pass of a self-test with a program of 16 KiB.
 pub const FLASH_PASS_SHORTEST: u64 = 400_000_000;
-/// The greatest time, ms, by which Port-Status may be older than Link-Status of the same image.
+/// How much older than Link-Status, ms, Port-Status of the same image may be.
 pub const PORT_BEFORE_LINK_MS: u32 = 25;
-/// The causes of a safe state, as the DPR's firmware codes them (`firmware_common::last_stop`).
+/// The codes of the causes of a safe state in the DPR's firmware (`firmware_common::last_stop`).
 pub const STOP_CAUSES: std::ops::RangeInclusive<u32> = 1..=14;
 /// The longest time from a bit flip in HORUS's flash until its field is off: two passes over the flash, 9.1 s for the
 /// largest program allowed, and a margin for missing idle time.
@@ -318,7 +333,7 @@ pub const SAFE_STATE: u64 = 1_000_000;
 /// The number of new cycles that may be read while a bit of a DPR buffer is stuck before Link-Status must report a RAM
 /// fault. By then each of the three receive buffers and four images has been used and scrubbed.
 pub const SCRUBBED_CYCLES: u32 = 8;
-/// How long after the end of a flight controller's misuse of the SSI the judge requires nothing of the DPR.
+/// The time after a flight controller's misuse of the SSI in which the judge requires nothing of the DPR.
 pub const MISUSE_OVER: u64 = 2 * CYCLE;
 /// The longest time from a frame's last bit until its image is readable, if the DPR reads the FIFO only at the frame's
 /// end: docs/design.md#timing. The DPR also does so if the frame's LEN was damaged.

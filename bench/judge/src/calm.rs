@@ -1,18 +1,19 @@
-//! When the active hold, its air and the DPR have to work as without any disturbance.
+//! When the active hold, its air and the DPR are free of disturbances, so that each must do its whole work.
 
 use crate::disturbance::HoldPart;
 use crate::{Board, Disturbance, Event, What};
 
 const MS: u64 = 1_000_000;
 
-/// The time after a disturbance of the hold's board or sensors after which everything has to be as without it, ns: a
-/// watchdog's 100 ms, a start, four exchanges, and a second until the sensors were read again.
+/// The time, ns, for which a disturbance of the hold's board or sensors may have effects: a watchdog's 100 ms, a start,
+/// four exchanges, and a second until the sensors have been read again.
 const HOLD_SETTLED: u64 = 2_500 * MS;
-/// The same after a disturbance of the air or of the DPR, ns: the DPR's watchdog and start, and an exchange.
+/// The time, ns, for which a disturbance of the hold's air or of the DPR may affect the hold: the DPR's watchdog and
+/// start, and an exchange.
 const SETTLED: u64 = 300 * MS;
 
-/// The instants, ns, before which the hold, its air or the DPR may be disturbed. What disturbs HORUS alone does not
-/// count, because nothing of it reaches the hold.
+/// For each part of the hold's link, the instant, ns, until which a disturbance may affect it. A disturbance of HORUS
+/// alone does not count, because nothing of HORUS reaches the hold.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Calm {
     board: u64,
@@ -58,25 +59,27 @@ impl Calm {
             | D::Restart { .. }
             | D::Hang { .. }
             | D::DeadTask { .. }
+            | D::Spurious { .. }
+            | D::Drift { .. }
             | D::Memory { .. }
             | D::Code { .. } => return,
         };
         *end = (*end).max(until.saturating_add(settled));
     }
 
-    /// The instant from which the hold sends in each period and does not restart, ns.
+    /// The instant, ns, from which the hold must send in each period and must not restart.
     #[must_use]
     pub fn sends(&self) -> u64 {
         self.board.max(self.air)
     }
 
-    /// The instant from which the DPR shows and answers each frame, ns.
+    /// The instant, ns, from which the DPR must show and answer each frame of the hold.
     #[must_use]
     pub fn exchanges(&self) -> u64 {
         self.sends().max(self.dpr)
     }
 
-    /// The instant from which Hold-Status agrees with the payload, ns.
+    /// The instant, ns, from which Hold-Status must agree with the payload.
     #[must_use]
     pub fn measures(&self) -> u64 {
         self.sends().max(self.sensors)

@@ -1,4 +1,5 @@
-//! What several rules need: how long each board has been running, what the bench disturbs, and the decoded event.
+//! The state that several rules need: how long each board has been running, what the bench disturbs, and the decoded
+//! event.
 
 use profile::Layout;
 
@@ -50,7 +51,7 @@ pub struct Context {
     window: Window,
     frame: Option<Frame>,
     reading: Option<Reading>,
-    /// Is `None` only within [`Context::take`], which moves the record out because the record reads this context.
+    /// What HORUS put on the air. It is `None` only within [`Context::take`].
     air: Option<Box<Air>>,
 }
 
@@ -146,7 +147,7 @@ impl Context {
         &self.air().truth
     }
 
-    /// Returns what a correct DPR must or may do with the frames that reached its antenna.
+    /// Returns what a correct DPR must do, or may do, with the frames that reached its antenna.
     ///
     /// # Panics
     ///
@@ -156,7 +157,7 @@ impl Context {
         &self.air().expectation
     }
 
-    /// Returns the frame that the current event brought to the DPR's antenna, if any.
+    /// Returns the frame that has just reached the DPR's antenna, if the current event brings one.
     ///
     /// # Panics
     ///
@@ -166,7 +167,7 @@ impl Context {
         self.air().delivery.as_ref()
     }
 
-    /// After a start of the DPR the next transaction reads the map from its beginning: the DPR has lost the request.
+    /// Resets the window after a start of the DPR, which has lost the flight controller's last request.
     fn forget_window(&mut self, board: Board) {
         if board == Board::Dpr {
             self.window = Window::default();

@@ -1,8 +1,8 @@
 //! What the bench disturbs on purpose, and everything that the judge excuses because of it.
 //!
-//! A [`Disturbance`] states what the bench disturbs, and the log states when it begins and when its cause goes away
-//! ([`crate::What::Injected`]). `Disturbance::takes` is the one table of what each disturbance excuses ([`Excuse`]),
-//! and for how long. The rules query [`Disturbances`] for the excuses that hold at present.
+//! A [`Disturbance`] states what the bench disturbs. The log states when the disturbance begins and when its cause goes
+//! away ([`crate::What::Injected`]). `Disturbance::takes` is the table of what each disturbance excuses ([`Excuse`]),
+//! and for how long. The rules ask [`Disturbances`] which excuses hold at present.
 //!
 //! An effect that a firmware keeps until its next start (a counter, a flag) is excused until that start. Any other
 //! effect is excused for a bounded time after the cause has gone, or until the disturbed board starts.
@@ -31,9 +31,9 @@ pub enum Disturbance {
         /// The number of the input: 0 the relay, 1 the motor cut, 2 the emergency measure.
         input: usize,
     },
-    /// The emission of HORUS's front end, which differs from what HORUS commanded.
+    /// The radio field of HORUS's front end, which is not what HORUS commanded.
     Emission,
-    /// A board's front end, or a line to it.
+    /// A board's front end, or a line between the front end and the microcontroller.
     FrontEnd {
         /// The board whose front end is disturbed.
         board: Board,
@@ -45,7 +45,7 @@ pub enum Disturbance {
         /// How the flight controller misbehaves.
         conduct: Conduct,
     },
-    /// A wire that does not carry what was put on it.
+    /// A wire whose far end receives something else than its near end sends.
     Wire {
         /// The wire that is disturbed.
         wire: Wire,
@@ -67,12 +67,22 @@ pub enum Disturbance {
         /// The board that hangs.
         board: Board,
     },
-    /// A task whose interrupt is switched off until the next start; it is one that checks in for the watchdog.
+    /// A task that checks in for the watchdog, and whose interrupt the bench switches off until the next start.
     DeadTask {
         /// The board whose task is dead.
         board: Board,
-        /// The number under which the dead task checks in for the watchdog.
+        /// The number of the dead task among the tasks that check in.
         task: u8,
+    },
+    /// A task that runs once although nothing has called it, and then finds no work. It excuses nothing.
+    Spurious {
+        /// The board whose task runs.
+        board: Board,
+    },
+    /// The oscillators of a board's microcontroller, which are off by more than before.
+    Drift {
+        /// The board whose oscillators drift.
+        board: Board,
     },
     /// A bit of a board's memory or registers.
     Memory {
@@ -81,27 +91,28 @@ pub enum Disturbance {
         /// Which memory is hit.
         memory: Memory,
     },
-    /// The active hold, or the air between it and the DPR's second front end. It excuses nothing of HORUS's link.
+    /// The active hold, or the air between it and the DPR's second front end. Nothing of HORUS's link is excused by it.
     Hold {
         /// What of the hold is disturbed.
         part: HoldPart,
     },
-    /// The air between each pair of antennas at the DPR, which also carries what is meant for the other pair.
+    /// Crosstalk between the two pairs of antennas: a frame of HORUS or of the hold also arrives at the other pair.
     Crosstalk,
-    /// Instructions or variables of a board's firmware, which are changed so that the firmware does something wrong.
+    /// Instructions or variables of a board's firmware, which the bench changes so that the firmware does something
+    /// wrong.
     Code {
         /// The board whose firmware is changed.
         board: Board,
     },
 }
 
-/// What of the active hold a disturbance concerns.
+/// The part of the active hold that a disturbance concerns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum HoldPart {
     /// The hold's supply, reset or core.
     Board,
-    /// The air between hold and DPR, and what else sends there.
+    /// The air between hold and DPR, and other transmitters in that air.
     Air,
     /// The hold's sensors and their bus.
     Sensors,
@@ -111,10 +122,10 @@ pub enum HoldPart {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Harm {
-    /// The front end does not answer, and its board can tell: every bit that is read is the same, or the interrupt line
-    /// stays high.
+    /// The board's front end does not answer, and the firmware can tell: every bit that is read is the same, or the
+    /// interrupt line stays high.
     Silent,
-    /// The front end answers, but does not report what happens on the air.
+    /// The front end answers its board, but does not report what happens on the air.
     Deaf,
 }
 
@@ -146,9 +157,9 @@ pub enum Wire {
     Radio,
     /// The GNSS signals. All receivers compute a wrong position and cannot tell.
     Sky,
-    /// The connections of hold and DPR to the air between them, and what the log states of both.
+    /// The connections of hold and DPR to the air between them, and what the log states about both.
     Hold,
-    /// The path within the flight controller from the verdict of its client to what the flight controller does.
+    /// The path within the flight controller from its client's verdict to the position that it flies by.
     Client,
 }
 
@@ -166,40 +177,45 @@ pub enum Memory {
     Flash,
     /// A register of the board's core.
     Registers,
+    /// A register of a peripheral of the board's microcontroller.
+    Peripherals,
 }
 
 /// Something that would be a violation, and that the judge does not report while a disturbance excuses it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Excuse {
-    /// A transmit command may have no frame, a frame may be missing or break off, and HORUS's field may drop.
+    /// A transmit command may have no frame, a frame may be missing, break off or have another length, and HORUS's field
+    /// may drop.
     Sending,
     /// HORUS's firmware may use its front end against the data sheet, because it cannot read from the front end.
     HorusFrontEndUse,
     /// The DPR's firmware may use its front end against the data sheet, because it cannot read from the front end.
     DprFrontEndUse,
-    /// HORUS may fail to read what a receiver on a bus offers: the disturbed receiver, or else any.
+    /// HORUS may fail to read the bytes that a receiver on a bus offers: the disturbed receiver, or any if none is
+    /// named.
     Polling,
     /// HORUS may fail to use what it reads from the disturbed receiver, which is on a bus.
     Taking,
-    /// A receiver may have settings other than those that HORUS needs: the disturbed receiver, or else any.
+    /// The disturbed receiver, or any if none is named, may have other settings than HORUS needs.
     Settings,
     /// The disturbed receiver may state a wrong position or none, and may be excluded for that.
     Position,
-    /// HORUS's statements about its receivers, its vote and its inputs may differ from their present values.
+    /// HORUS may report receivers, vote and inputs otherwise than they are.
     Content,
     /// The DPR may fail to receive or process a frame that reaches its antenna. It may show any cycle that it received.
     Hearing,
     /// The DPR may withdraw an image before any transaction has read it.
     Withdrawal,
-    /// An image, or the bytes after it in the map, may be unsound, and an image with the same content may replace it.
+    /// An image, or the rest of the map after the image, may be unsound. An image with the same content may replace it.
     UnsoundImage,
     /// A frame may become readable late after its last bit.
     Latency,
-    /// The DPR may not know a frame's length during the frame, and may read most of the frame after its last bit.
+    /// The DPR may be unable to read a frame's length during the frame, and may then read most of the frame after its
+    /// last bit.
     Length,
     /// The flight controller may make no transaction.
     Transactions,
-    /// The DPR may not serve the flight controller over the SSI. The bytes may change on their way in both directions.
+    /// The DPR may fail to serve the flight controller over the SSI, and the bytes may change in both directions.
     Service,
     /// Link-Status may report a RAM fault.
     RamFault,
@@ -217,10 +233,10 @@ pub enum Excuse {
     DprComplaints,
 }
 
-/// When an excuse ends.
+/// When an excuse ends, after which the judge reports its violation again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum End {
-    /// The excuse ends this many ns after the cause has gone, or earlier at the next start of the disturbed board.
+    /// The excuse ends this many ns after the cause has gone, or earlier at the disturbed board's next start.
     After(u64),
     /// The excuse ends at the first start of this board after the cause has gone.
     Start(Board),
@@ -235,7 +251,7 @@ impl Disturbance {
         use Board::{Dpr, Horus};
         const RECOVERY: End = After(bounds::FRONT_END_RECOVERY);
         const REPLACED: End = After(bounds::BUFFER_REPLACED);
-        // A self-test may be under way when a bit changes.
+        // A bit may change during a self-test, which then fails only when it ends.
         const TESTED: End = After(bounds::SELF_TEST);
         const HORUS_DEAD: End = After(bounds::FIRST_WATCHDOG_LONGEST + bounds::CHECKED_IN[Horus as usize]);
         const DPR_DEAD: End = After(bounds::DPR_WATCHDOG_LONGEST + bounds::CHECKED_IN[Dpr as usize]);
@@ -254,7 +270,7 @@ impl Disturbance {
                 (Excuse::LinkCounters, Start(Dpr)),
                 (Excuse::DprComplaints, Start(Dpr)),
             ],
-            // A frame of the hold at HORUS's antenna masks one of HORUS's.
+            // At HORUS's antenna a frame of the hold may mask a frame of HORUS.
             Self::Crosstalk => &[
                 (Excuse::Hearing, RECOVERY),
                 (Excuse::LinkCounters, Start(Dpr)),
@@ -272,7 +288,7 @@ impl Disturbance {
                 (Excuse::Transactions, After(0)),
                 (Excuse::DprComplaints, Start(Dpr)),
             ],
-            // The DPR's firmware counts frames that are cut off, lost or damaged.
+            // The DPR counts frames that are cut off, lost or damaged as faults.
             Self::Air | Self::Emission | Self::Restart { board: Horus } => &[(Excuse::DprComplaints, Start(Dpr))],
             Self::Hang { board: Horus } => &[
                 (Excuse::HorusComplaints, Start(Horus)),
@@ -330,12 +346,14 @@ impl Disturbance {
                 (Excuse::SelfTest, Start(Dpr)),
                 (Excuse::DprComplaints, Start(Dpr)),
             ],
-            Self::Memory { board: Dpr, memory: Memory::Registers } => &[(Excuse::DprComplaints, Start(Dpr))],
+            Self::Memory { board: Dpr, memory: Memory::Registers | Memory::Peripherals } => &[(Excuse::DprComplaints, Start(Dpr))],
             Self::Memory { board: Horus, .. } => &[(Excuse::HorusComplaints, Start(Horus))],
-            // The faults that a firmware counts because its code was changed are not excused.
+            // Faults that a firmware counts because its code was changed get no excuse.
             Self::Code { board: Dpr } => &[(Excuse::SelfTest, Start(Dpr))],
             Self::Code { board: Horus }
             | Self::Restart { board: Dpr }
+            | Self::Spurious { .. }
+            | Self::Drift { .. }
             | Self::Input { .. }
             | Self::Wire { .. }
             | Self::BaseStation => &[],
@@ -363,6 +381,8 @@ impl Disturbance {
             | Self::Restart { board }
             | Self::Hang { board }
             | Self::DeadTask { board, .. }
+            | Self::Spurious { board }
+            | Self::Drift { board }
             | Self::Memory { board, .. }
             | Self::Code { board } => Some(board),
             Self::Air
@@ -392,13 +412,13 @@ struct Valid {
 
 const EXCUSES: usize = Excuse::DprComplaints as usize + 1;
 
-/// The excuses that hold at present; see the [module](self).
+/// What the judge excuses at present; see the [module](self).
 #[derive(Clone, Debug, Default)]
 pub struct Disturbances {
     valid: Vec<Valid>,
-    /// For each kind of excuse, the instant, ns, until which it holds.
+    /// For each kind of excuse, the instant, ns, until which the judge excuses it.
     over: [u64; EXCUSES],
-    /// The last period in which the DPR's front end did not answer: its beginning and its end, ns.
+    /// The beginning and the end, ns, of the last period in which the DPR's front end did not answer.
     silent: (u64, u64),
 }
 
@@ -411,7 +431,7 @@ impl Disturbances {
             What::Power { board, .. } => self.start(*board, at),
             What::Reset { board, .. } => {
                 self.start(*board, at);
-                // The reset may have interrupted a transfer with the front end.
+                // A board's reset may have interrupted a transfer with its front end.
                 let excuse = front_end_use(*board);
                 self.add(
                     at,
@@ -455,7 +475,7 @@ impl Disturbances {
     /// Ends the excuses that end when this board starts or loses its supply.
     fn start(&mut self, board: Board, now: u64) {
         self.valid.retain(|valid| valid.board != Some(board) || now < valid.until);
-        // Only valid excuses count from now on.
+        // The latest end of each excuse is computed again from the disturbances that still count.
         self.over = self.over.map(|over| over.min(now));
         for valid in &self.valid {
             let over = &mut self.over[valid.excuse as usize];
@@ -469,7 +489,7 @@ impl Disturbances {
         at < self.until(excuse)
     }
 
-    /// Returns the instant, ns, at which this excuse ends; a past instant if the excuse does not hold.
+    /// Returns the instant, ns, until which this excuse holds; the instant is past if the excuse does not hold.
     #[must_use]
     pub fn until(&self, excuse: Excuse) -> u64 {
         self.over[excuse as usize]
@@ -482,7 +502,7 @@ impl Disturbances {
         self.excuse(excuse, at) && self.valid.iter().filter(concerns).any(|valid| at < valid.over)
     }
 
-    /// Returns the last period in which the DPR's front end did not answer: its beginning and its end, ns.
+    /// Returns the beginning and the end, ns, of the last period in which the DPR's front end did not answer.
     #[must_use]
     pub fn silent_front_end(&self) -> (u64, u64) {
         self.silent
@@ -553,7 +573,8 @@ mod tests {
         What::Reset { board, cause: crate::Cause::Pin, asked: true }
     }
 
-    /// Returns each excuse that holds, and for how long, ns, after the cause has gone (`None`: until a start).
+    /// Returns each excuse that holds, and how long after the end of the cause it holds, ns; `None` means until a
+    /// start.
     fn excused(disturbances: &Disturbances) -> Vec<(Excuse, Option<u64>)> {
         let until = |excuse| disturbances.until(excuse);
         let valid = EXCUSES.into_iter().filter(|excuse| until(*excuse) > 0);
@@ -656,6 +677,7 @@ mod tests {
             (Disturbance::Code { board: Board::Dpr }, vec![(SelfTest, None)]),
             (Disturbance::Code { board: horus }, vec![]),
             (Disturbance::Restart { board: Board::Dpr }, vec![]),
+            (Disturbance::Spurious { board: Board::Dpr }, vec![]),
             (Disturbance::Input { input: 1 }, vec![]),
             (Disturbance::Wire { wire: Wire::Miso }, vec![]),
             (Disturbance::BaseStation, vec![]),
@@ -689,7 +711,7 @@ mod tests {
         let off = What::Power { board: Board::Dpr, on: false };
         let disturbances = after(&[(BEGINS, injected(RECEIVE_BIT, BEGINS)), (ENDS, off)]);
         assert!(!disturbances.excuse(Excuse::RamFault, ENDS));
-        // Misuse of the SSI disturbs no board, so no start ends its excuses.
+        // Misuse of the SSI disturbs no board. Therefore no start of a board ends its excuses.
         let disturbances = after(&[(BEGINS, injected(MISUSE, ENDS)), (ENDS, reset(Board::Dpr))]);
         assert!(disturbances.excuse(Excuse::Service, ENDS));
     }
@@ -710,7 +732,7 @@ mod tests {
     #[test]
     fn a_start_forgets_nothing_of_what_was_excused_before_it() {
         let silent = Disturbance::FlightController { conduct: Conduct::Silent };
-        // The excuses that have ended are dropped when the next disturbance begins.
+        // An excuse that has ended stays stored until the next disturbance begins.
         let over = [(BEGINS, injected(silent, ENDS)), (ENDS, injected(Disturbance::Air, ENDS))];
         for board in [Board::Horus, Board::Dpr] {
             let start = [over[0].clone(), over[1].clone(), (ENDS + 1, reset(board))];

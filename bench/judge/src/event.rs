@@ -23,7 +23,7 @@ pub struct Header {
 
 impl Header {
     /// The version of the format that this crate writes and reads.
-    pub const VERSION: u32 = 3;
+    pub const VERSION: u32 = 4;
 
     /// Returns the layout of what the DPR shows in the run.
     ///
@@ -145,16 +145,17 @@ pub enum What {
         board: Board,
         /// The cause of the reset.
         cause: Cause,
-        /// Whether the bench reset the board on purpose, by the pin or the supply.
+        /// Whether the bench reset the board on purpose, by the reset pin or the supply.
         asked: bool,
     },
     /// The bench disturbs something on purpose. A change of a board's supply or reset pin has its own event.
     Injected {
-        /// The kind of fault in words, for people and for counts; no rule uses it.
+        /// The kind of fault in words, which people read and counts use. No rule reads it.
         kind: String,
         /// What the fault disturbs.
         disturbs: Disturbance,
-        /// The instant, ns, at which the fault's cause goes away: the event's own instant if the fault has no duration.
+        /// The instant, ns, at which the fault's cause goes away. It is the event's own instant for a fault without a
+        /// duration.
         until: u64,
     },
     /// A board hangs: the bench has stopped its core, or the board has been warned of a falling supply and need not do
@@ -163,7 +164,8 @@ pub enum What {
         /// The board that hangs.
         board: Board,
     },
-    /// A microcontroller has warned its firmware of a falling supply. The board has to enter its safe state.
+    /// A board has to enter its safe state: its microcontroller has warned its firmware of a falling supply, or a task
+    /// of its cycle ran although nothing had called it.
     Warned {
         /// The board that was warned.
         board: Board,
@@ -230,7 +232,7 @@ pub enum What {
     },
     /// The DPR's front end began to send, although a listener must never answer.
     Answer,
-    /// A receiver on a bus has bytes to send, which wait in it until HORUS reads them.
+    /// A receiver on a bus has bytes to send. They wait in the receiver until HORUS reads them.
     Offered {
         /// The receiver's number, from 0.
         receiver: usize,
@@ -245,8 +247,8 @@ pub enum What {
         byte_ns: u64,
         /// The bytes that cross the line.
         bytes: Bytes,
-        /// Whether the bytes arrive as the receiver sent them. A UART needs the right bit rate and a line without noise
-        /// or break. A bus transaction must carry the bytes unchanged and end properly.
+        /// Whether the bytes arrive as the receiver sent them. On a UART this needs the right bit rate and a line
+        /// without noise or break. On a bus the transaction must carry the bytes unchanged and end properly.
         clean: bool,
         /// The instant, ns, since which these bytes have waited in a receiver on a bus; `None` for a UART.
         #[serde(default)]
@@ -265,8 +267,8 @@ pub enum What {
     Fresh {
         /// Whether the pin rose.
         high: bool,
-        /// The bytes that a transaction would read when the DPR is first ready after FRESH rose. `None` if FRESH fell,
-        /// or if a transaction was under way or began before that instant.
+        /// The bytes that a transaction would read as soon as the DPR is ready after FRESH rose. `None` if FRESH fell,
+        /// or if a transaction began before the DPR was ready.
         offered: Option<Bytes>,
     },
     /// The state of the buffers of the DPR's SPI peripheral changed.
@@ -275,7 +277,7 @@ pub enum What {
     Selected,
     /// The flight controller's chip select rose: a transaction is over.
     Transaction {
-        /// The instant, ns, at which the DPR's pin detected the fall of chip select.
+        /// The instant, ns, at which the DPR's pin detected the fall of chip select at the transaction's start.
         selected: u64,
         /// The bytes that the flight controller sent in the transaction.
         mosi: Bytes,

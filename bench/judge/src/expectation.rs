@@ -1,10 +1,12 @@
 //! Determines which cycles the DPR shows by the rules of the sequence (docs/design.md#sequence), as seen from outside.
 //!
 //! The judge cannot observe everything on which the outcome depends, such as whether the listener received a frame
-//! while it was being armed. Therefore it keeps every state that a correct DPR can be in (`State`), and determines for
-//! each frame all states that may follow. What a DPR does in all of these states, it [must](Certainty::Must) do. What
-//! it does in none, it must [never](Certainty::Never) do. Uncertainty ends when the sequence has been found in all
-//! states, after four cycles.
+//! while it was being armed. It therefore keeps every state that a correct DPR can be in (`State`), and determines for
+//! each frame which states may follow. The uncertainty ends after four cycles, when the sequence has been found in
+//! every state.
+//!
+//! What a DPR does in every possible state, it [must](Certainty::Must) do. What it does in none of them, it must
+//! [never](Certainty::Never) do.
 //!
 //! This module is written from the design and shares no code with `profile::sequence`, which the firmware runs.
 
@@ -16,19 +18,19 @@ use profile::{CYCLE_MS, Layout, air};
 use crate::disturbance::Excuse;
 use crate::{Board, Context, Event, What, bounds};
 
-/// Whether a correct DPR does a certain thing.
+/// Whether a correct DPR takes a certain action.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Certainty {
-    /// A correct DPR does not do this.
+    /// A correct DPR never takes the action.
     Never,
-    /// A correct DPR may do this or not.
+    /// A correct DPR may take the action or not.
     May,
-    /// A correct DPR does this.
+    /// A correct DPR always takes the action.
     Must,
 }
 
 impl Certainty {
-    /// Returns `Must` if all answers are yes, `Never` if all are no, and else `May`.
+    /// Combines one answer per possible state: `Must` if all are yes, `Never` if all are no, else `May`.
     fn of(answers: impl IntoIterator<Item = bool>) -> Self {
         let (mut any, mut all) = (false, true);
         for answer in answers {
@@ -52,7 +54,8 @@ pub struct Delivery {
     pub ended: u64,
     /// The frame's number in its cycle, from 0.
     pub number: usize,
-    /// The instant, ns, at which the frame's sample was taken, by the constants of the profile.
+    /// The instant, ns, at which the frame's sample was taken. It follows from the frame's end and the slots of the
+    /// profile.
     pub sampled: u64,
     /// The timestamp of the frame's first valid object, ms.
     pub timestamp: Option<u32>,
@@ -60,7 +63,7 @@ pub struct Delivery {
     pub received: Certainty,
     /// Whether the DPR received the frame and its cycle is in sequence.
     pub shown: Certainty,
-    /// Whether the DPR concluded that HORUS has restarted, because the timestamp stepped back.
+    /// The valid objects in the frame: each object's number, its bytes, and whether the DPR shows it.
     pub restarted: Certainty,
     /// The number of each valid object in the frame, its bytes, and whether it is shown.
     pub objects: Vec<(usize, Vec<u8>, Certainty)>,
@@ -69,8 +72,8 @@ pub struct Delivery {
 }
 
 impl Delivery {
-    /// Returns whether this frame, by its end and its intact objects, is the second of the cycle whose first is
-    /// `first`.
+    /// Returns whether this frame is the second frame of the cycle that `first` began, by its end and its intact
+    /// objects.
     #[must_use]
     pub fn completes(&self, first: &Self) -> bool {
         let same_cycle = self.timestamp.is_none_or(|timestamp| first.timestamp.is_none_or(|first| first == timestamp));
@@ -88,7 +91,8 @@ enum Step {
     Irregular,
     TooEarlyOrLate,
     Regular {
-        /// Whether the step is exactly one cycle, within the tolerance of the search for the sequence.
+        /// Whether the cycle comes one cycle after the last one, within the tolerance that the search for the sequence
+        /// allows.
         exact: bool,
     },
 }
@@ -104,7 +108,7 @@ struct State {
     frames: u8,
     /// Whether the last cycle is shown.
     shown: bool,
-    /// Whether the last cycle had the timestamp of the cycle before it.
+    /// Whether the last cycle had the same timestamp as the cycle before it.
     frozen: bool,
 }
 
@@ -113,7 +117,8 @@ impl State {
         self.found >= bounds::SEARCH_CYCLES
     }
 
-    /// Passes to `to` each state that may follow when a frame arrives, and whether the timestamp steps back.
+    /// Passes to `to` each state that may follow this one when a frame arrives, and whether the timestamp stepped back
+    /// in it.
     fn successors(self, timestamp: u32, sampled: u64, number: usize, mut to: impl FnMut(Self, bool)) {
         let frame = 1 << number;
         let (mut same, mut other) = (false, true);
@@ -141,7 +146,7 @@ impl State {
         }
     }
 
-    /// Passes to `to` each way in which a correct DPR may judge the step from the last cycle to this one.
+    /// Passes to `to` each judgement that a correct DPR may make of the step from its last cycle to this one.
     fn steps(&self, timestamp: u32, sampled: u64, mut to: impl FnMut(Step)) {
         let Some((last, at)) = self.last else { return to(Step::First) };
         let advance = timestamp.wrapping_sub(last);
@@ -174,7 +179,7 @@ impl State {
         }
     }
 
-    /// Returns the latest instant, ns, at which a cycle can still continue the sequence, 0 if none can. `band`, ns, is
+    /// Returns the instant, ns, until which a next cycle can continue the sequence; 0 if no cycle can. `band`, ns, is
     /// added to the design's limit.
     fn held_until(&self, band: i64) -> u64 {
         let longest = u64::from(bounds::MAX_MISSED + 1) * bounds::CYCLE;
@@ -186,21 +191,21 @@ impl State {
     }
 }
 
-/// How long after the last cycle, ns, no cycle can continue the sequence any more.
+/// How long after the last cycle the state still matters, ns: no later cycle can continue the sequence.
 const FORGOTTEN: u64 = 300_000_000;
 
 /// All states that a correct DPR can be in after the frames that have reached its antenna.
 #[derive(Clone, Debug)]
 pub struct Expectation {
     layout: Layout,
-    /// Never empty.
+    /// The possible states of the DPR; there is always at least one.
     states: Vec<State>,
-    /// The instant, ns, until which the listener may miss frames, because the carrier has just come.
+    /// The instant, ns, until which the listener may miss frames because its carrier has just returned.
     armed: u64,
     last_end: Option<u64>,
     /// The instant, ns, at which the last whole frame ended that the listener certainly could receive.
     last_whole: u64,
-    /// The last period, ns, in which the DPR may have concluded that its front end does not receive.
+    /// The last period, ns, in which the DPR may have concluded from silence that its front end does not receive.
     silence: Range<u64>,
 }
 
@@ -225,7 +230,7 @@ impl Expectation {
                 let len = bytes.first().map(|len| usize::from(*len) + CRC_BYTES);
                 let whole = *whole && len == Some(bytes.len());
                 let gap = self.last_end.replace(event.at).is_none_or(|end| *started >= end + bounds::FRAME_GAP);
-                // A frame that the listener may have missed does not end a silence.
+                // A frame that the listener may have missed does not prove that the silence is over.
                 if whole && !context.disturbances().excuse(Excuse::Hearing, *started) {
                     let silent_from = std::mem::replace(&mut self.last_whole, event.at) + bounds::SILENCE;
                     if event.at > silent_from {
@@ -244,7 +249,7 @@ impl Expectation {
         let frame = context.frame()?;
         let number = frame.number?;
         let dpr = context.running(Board::Dpr);
-        // A hung DPR makes no image of the frame.
+        // A DPR that hangs or has no supply publishes nothing.
         if !dpr.powered || dpr.hung.is_some() {
             return None;
         }
@@ -278,8 +283,8 @@ impl Expectation {
         })
     }
 
-    /// Updates the states with a frame that has a timestamp. Returns, for a DPR that received the frame, whether the
-    /// cycle is shown and whether the timestamp counts as a step back.
+    /// Updates the states with a frame that has a timestamp. Returns two certainties for a DPR that received the frame:
+    /// whether it shows the cycle, and whether it takes the timestamp as a step back.
     fn enter(
         &mut self,
         timestamp: u32,
@@ -309,7 +314,7 @@ impl Expectation {
                 frozen: false,
             };
             self.states.extend((0..=bounds::SEARCH_CYCLES).map(of));
-            // The cycle also counts as frozen if the DPR received an earlier cycle with the same timestamp.
+            // The DPR may have received an earlier cycle with the same timestamp, so this cycle may count as frozen.
             self.states.push(State { frozen: true, ..of(0) });
             self.states.push(State::default());
             (Certainty::May, Certainty::May)
@@ -327,7 +332,8 @@ impl Expectation {
         verdict
     }
 
-    /// Returns the instants, ns, until which the DPR must, and may, hold the sequence; 0 without a sequence.
+    /// Returns the instants, ns, until which the DPR must hold the sequence and until which it may; both are 0 without
+    /// a sequence.
     #[must_use]
     pub fn held_until(&self) -> (u64, u64) {
         let band = i64::try_from(bounds::SEQUENCE_BAND).unwrap_or(i64::MAX);
@@ -336,7 +342,7 @@ impl Expectation {
         (must.unwrap_or(0), may.unwrap_or(0))
     }
 
-    /// Returns whether the last cycle repeated the timestamp of the cycle before it.
+    /// Returns whether the last cycle had the same timestamp as the cycle before it.
     #[must_use]
     pub fn frozen(&self) -> Certainty {
         Certainty::of(self.states.iter().map(|state| state.frozen))
@@ -349,7 +355,7 @@ impl Expectation {
     }
 }
 
-/// Returns the age, ns, of a cycle's sample at the end of frame `number` (from 0) of the cycle.
+/// Returns the age, ns, that a cycle's sample has when the cycle's frame `number` (from 0) ends.
 #[must_use]
 pub fn age_at_end(layout: Layout, number: usize) -> u64 {
     let us = match layout.receivers() {
@@ -379,13 +385,14 @@ mod tests {
             expectation.take(&event, &context);
             most = most.max(expectation.states.len());
         }
-        // Any cycle of the last 300 ms may be the last received, with any number of steps of the search made.
+        // The number of states stays bounded: any cycle of the last 300 ms may be the last received, at any step of the
+        // search.
         assert!((100..150).contains(&most), "{most}");
     }
 
     #[test]
     fn a_samples_age_at_its_last_bit_is_slot_plus_air_time() {
-        // The slots, µs, are those of `profile::air`.
+        // For each number of receivers, the slots of its frames, µs, are those of `profile::air`.
         for (receivers, slots) in [(1, vec![70]), (2, vec![80]), (3, vec![100]), (5, vec![120, 4_130])] {
             let layout = Layout::for_receivers(receivers).unwrap();
             for (number, slot) in slots.into_iter().enumerate() {
@@ -398,8 +405,8 @@ mod tests {
 
     const AT: u64 = 1_000_000_000;
 
-    /// Returns the ways in which a correct DPR may judge the step from timestamp 1000 ms, sampled at [`AT`], to this
-    /// one.
+    /// Returns the judgements that a correct DPR may make of the step from timestamp 1000 ms, sampled at [`AT`], to
+    /// `timestamp`.
     fn steps(timestamp: u32, sampled: u64) -> Vec<Step> {
         let state = State { last: Some((1_000, AT)), ..State::default() };
         let mut steps = vec![];
@@ -425,18 +432,19 @@ mod tests {
             (1_005, ms(5), Step::Irregular),
             (990, ms(10), Step::Back),
             (999, ms(10), Step::Back),
-            // Half of all timestamps count as ahead of a given timestamp, the other half as behind it.
+            // Timestamps wrap around, so half of all timestamps count as ahead of a given one, and the other half as
+            // behind it.
             (1_000 + u32::MAX / 2, ms(10), Step::Irregular),
             (1_000 + u32::MAX / 2 + 1, ms(10), Step::Back),
         ] {
             assert_eq!(steps(timestamp, sampled), [expected], "{timestamp}");
         }
-        // The timestamps wrap around.
+        // The timestamp wraps from its largest value to zero.
         let state = State { last: Some((u32::MAX - 5, AT)), ..State::default() };
         state.steps(4, ms(10), |step| assert_eq!(step, EXACT));
     }
 
-    /// Limits: docs/design.md#sequence. Close to a limit either judgement is right.
+    /// The limits are those of docs/design.md#sequence. Close to a limit the judge accepts either judgement.
     #[test]
     fn how_punctual_a_step_is_decides_what_it_may_be_taken_for() {
         let late = Step::TooEarlyOrLate;
@@ -445,12 +453,12 @@ mod tests {
             (1_010, 400_000, vec![EXACT, INEXACT]),
             (1_010, 600_000, vec![EXACT, INEXACT]),
             (1_010, 600_001, vec![INEXACT]),
-            // The tolerance is 2.5 ms and 2 % of 10 ms.
+            // A step of 10 ms has a tolerance of 2.5 ms and 2 % of 10 ms.
             (1_010, 2_399_999, vec![INEXACT]),
             (1_010, 2_400_000, vec![late, INEXACT]),
             (1_010, 3_000_000, vec![late, INEXACT]),
             (1_010, 3_000_001, vec![late]),
-            // The tolerance is 2.5 ms and 2 % of 260 ms.
+            // A step of 260 ms has a tolerance of 2.5 ms and 2 % of 260 ms.
             (1_260, 0, vec![INEXACT]),
             (1_260, 7_399_999, vec![INEXACT]),
             (1_260, 7_400_000, vec![late, INEXACT]),

@@ -75,13 +75,14 @@ impl Max {
 pub struct Faults {
     /// The number of injected faults of each kind.
     pub injected: BTreeMap<String, u64>,
-    /// The number of objects read as valid that HORUS never sent, or that were out of sequence, stale or expired.
+    /// The number of objects that were read as valid although HORUS never sent them, or although they were out of
+    /// sequence, stale or expired.
     pub invalid_shown_valid: u64,
-    /// The longest time from the end of a disturbance to the first valid object that HORUS sent after that end, in
-    /// cycles of 10 ms, rounded up; `None` without disturbances.
+    /// The longest recovery, in cycles of 10 ms, rounded up: from the end of a disturbance until an object that HORUS
+    /// sent after that end is read as valid. `None` without disturbances.
     pub max_recovery_cycles: Option<u64>,
-    /// The same number as `max_recovery_cycles`, without the disturbances after which a front end had to be brought up
-    /// again.
+    /// The longest recovery like `max_recovery_cycles`, without disturbances after which a front end had to be brought
+    /// up again.
     pub max_recovery_cycles_without_bring_up: Option<u64>,
 }
 
@@ -95,7 +96,7 @@ pub struct Exclusion {
     /// The instant, ns, of the tick of the first cycle without the exclusion, or of the restart that ended it; `None`
     /// if the exclusion lasted until the end of the run.
     pub until_ns: Option<u64>,
-    /// The distance along the ground, m, from the farthest other receiver at the beginning; `None` if not known.
+    /// The horizontal distance, m, from the farthest other receiver when the exclusion began; `None` if not known.
     pub away_m: Option<f64>,
     /// The distance in height, m, from the farthest other receiver when the exclusion began; `None` if not known.
     pub height_m: Option<f64>,
@@ -110,8 +111,8 @@ pub struct Voter {
     pub degraded: u64,
     /// The number of cycles without a position.
     pub none: u64,
-    /// The largest distance along the ground, mm, of a valid position from the aircraft; `None` if there is none to
-    /// measure.
+    /// The largest horizontal error, mm, of a valid position against the aircraft's true position; `None` without such
+    /// a position.
     pub worst_mm: Option<u64>,
     /// The exclusions in order of time; only the first [`Voter::MOST_EXCLUSIONS`] are kept.
     pub exclusions: Vec<Exclusion>,
@@ -128,8 +129,8 @@ impl Voter {
         self.none += u64::from(!status.position_valid());
     }
 
-    /// Records whether a receiver (from 0) is excluded at the tick `at`, and its distance, m, from the other receivers:
-    /// along the ground and in height.
+    /// Records whether a receiver (from 0) is excluded at the tick `at`. Records its horizontal and vertical distance,
+    /// m, from the other receivers too.
     pub(crate) fn excluded(&mut self, receiver: usize, at: u64, excluded: bool, away: Option<(f64, Option<f64>)>) {
         let of_this = |exclusion: &Exclusion| exclusion.receiver == receiver + 1 && exclusion.until_ns.is_none();
         match self.exclusions.iter().rposition(of_this) {
@@ -149,7 +150,7 @@ impl Voter {
 /// The figures of a run. Times are in ns unless stated otherwise.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Figures {
-    /// The number of frames whose last bit was on the air.
+    /// The number of frames that HORUS sent to their last bit.
     pub frames_sent: u64,
     /// The bit rate of the last frame, bit/s; 0 if there was none.
     pub bit_rate: u64,
@@ -161,18 +162,18 @@ pub struct Figures {
     pub tick_to_command_ns: Option<Span>,
     /// The time from the tick to the first preamble bit of the cycle's first frame.
     pub tick_to_air_ns: Option<Span>,
-    /// The time from a tick until a transaction would read the image with the objects of that tick.
+    /// The time from a tick until a transaction could read the image that has the objects of that tick.
     pub sample_to_readable: Option<Quantiles>,
-    /// The time from a cycle's last bit on the air until a transaction would read the image with the cycle's objects.
+    /// The time from a cycle's last bit on the air until a transaction could read the image with the cycle's objects.
     pub last_bit_to_readable: Option<Max>,
     /// The time from the end of a transaction until the DPR can serve the next one.
     pub ready_ns: Option<Max>,
     /// The number of cycles whose Reported-Position was read with a valid position.
     pub valid_cycles: u64,
-    /// The instant, ns, since which no transaction has read a valid position: the beginning of the first such
-    /// transaction. `None` if the last transaction read a valid position, or if none ever did.
+    /// The instant, ns, since which no transaction has read a valid position: the start of the first that read none.
+    /// `None` if the last transaction read a valid position, or if no transaction ever did.
     pub invalid_since_ns: Option<u64>,
-    /// For each receiver, the instant, ns, at which its last valid position had arrived.
+    /// The arrival of each receiver's last valid position, ns; `None` without one.
     pub last_solution_ns: Vec<Option<u64>>,
     /// The results of HORUS's voter.
     pub voter: Voter,

@@ -4,18 +4,18 @@ use serde::{Deserialize, Serialize};
 
 use crate::event::{Bytes, Cause};
 
-/// A frame on the air between hold and DPR. The event that has it is at the end of the frame's last bit.
+/// A frame on the air between hold and DPR. Its event's instant is the end of the frame's last bit.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct HoldFrame {
     /// The instant, ns, at which the frame's first preamble bit began.
     pub started: u64,
     /// The bytes of the frame: LEN, payload and CRC-16.
     pub bytes: Bytes,
-    /// Whether all bytes that LEN announces were there.
+    /// Whether all bytes that LEN announces were on the air.
     pub whole: bool,
 }
 
-/// Something that the active hold did, or that was done to it. The order of the variants is that of one exchange.
+/// Something that the active hold did, or that was done to it. The variants are in the order of one exchange.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum HoldEvent {
@@ -49,24 +49,27 @@ pub enum HoldEvent {
         /// Whether the payload is locked.
         locked: bool,
     },
-    /// What heater and cooler did since the last event of this kind, and what was true of the payload.
+    /// The heater's and cooler's work since the last event of this kind, and the true state of the payload.
     Payload {
-        /// The shares of the time in which heater and cooler were on, in ten thousandths.
+        /// The share of the time in which the heater was on, in ten thousandths.
         heater: u16,
-        /// The same of the cooler.
+        /// The share of the time in which the cooler was on, in ten thousandths.
         cooler: u16,
         /// The temperature in the box, m°C.
         temperature: i32,
         /// The relative humidity in the box, in thousandths of a per cent.
         humidity: u32,
+        /// The last instant, ns, at which the heater was on.
+        heated: Option<u64>,
+        /// The instant, ns, at which the climate sensor last sent a whole measurement with the right CRCs.
+        measured: Option<u64>,
     },
     /// The DPR's second front end was used against its data sheet.
     PortMisuse {
         /// The misuse in words.
         text: String,
     },
-    /// The hold's board has a finding: of its microcontroller, its front end or its sensors, or an instant that came
-    /// late.
+    /// The hold's microcontroller, front end or sensors were misused, or the bench acted on the hold too late.
     Finding {
         /// The finding in words.
         text: String,

@@ -2,8 +2,8 @@
 //!
 //! Boards, chips and their environment write one [`Log`]: what a logic analyser, an antenna and a debug probe would
 //! record, with the instant of each event. [`judge`] is a pure function of the log, so a log can be stored and judged
-//! again without a bench. This crate uses the wire format (`profile`) and the design's bounds ([`bounds`]), but nothing
-//! of how a firmware is made. A firmware's own counters supplement the observations from outside.
+//! again without a bench. This crate uses the wire format (`profile`) and the design's bounds ([`bounds`]), and knows
+//! nothing of the firmwares' code. A firmware's own counters supplement the observations from outside.
 //!
 //! # Where to add a violation
 //!
@@ -16,9 +16,9 @@
 //!
 //! # How rules are kept apart
 //!
-//! One cause must lead to one violation. Therefore each rule requires of a stage only what follows from the stage
-//! before: a frame after a tick, an object in the image if the object reached the DPR's antenna whole, and an object at
-//! the base station if the flight controller has forwarded it.
+//! One cause must lead to one violation. A rule therefore does not report what follows from an earlier fault: it
+//! requires a frame only after a tick, an object in the image only if the object reached the DPR's antenna whole, and
+//! an object at the base station only if the flight controller has forwarded it.
 #![forbid(unsafe_code)]
 
 pub mod bounds;
@@ -80,7 +80,7 @@ impl Judge {
         self.rules.take(event, &self.context, &mut self.findings);
     }
 
-    /// Returns the violations found so far, with their counts.
+    /// Returns the violations that were found up to the last event, with their counts.
     #[must_use]
     pub fn findings(&self) -> &Findings {
         &self.findings

@@ -21,7 +21,7 @@ pub enum LogError {
     /// The file cannot be read.
     #[error(transparent)]
     Io(#[from] io::Error),
-    /// A line is not an event, or the first line is not a header.
+    /// A line of the log is not an event, or the first line is not a header.
     #[error("line {line}")]
     Line {
         /// The number of the line, from 1.
@@ -32,7 +32,7 @@ pub enum LogError {
     /// The file has no header.
     #[error("the log is empty")]
     Empty,
-    /// The log has a version of the format that this crate does not read.
+    /// The log has a version of the format that this crate cannot read.
     #[error("the log has format {found}, and this version reads format {}", Header::VERSION)]
     Version {
         /// The version of the file's format.
@@ -43,9 +43,9 @@ pub enum LogError {
     Order {
         /// The number of the line, from 1.
         line: usize,
-        /// The instant of the event on this line, ns.
+        /// The instant of the event on the wrong line, ns.
         at: u64,
-        /// The instant of the event before the one on this line, ns.
+        /// The instant of the event before the one on the wrong line, ns.
         before: u64,
     },
 }

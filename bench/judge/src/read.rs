@@ -25,16 +25,16 @@ pub enum State {
         /// The object's values.
         values: Values,
     },
-    /// The bytes are 0x00 or 0xFF throughout, so there is no object.
+    /// The object's place holds 0x00 or 0xFF throughout, so there is no object.
     Vacant,
-    /// The bytes are neither an intact object nor empty; the reason is given.
+    /// The bytes are neither an intact object nor empty. The text says why.
     Unsound(Rejection),
 }
 
 /// An object as it was found in a frame or an image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Placed {
-    /// The object's number in the profile: 0 is Reported-Position, n is GPSn.
+    /// The object's number in the profile: 0 is Reported-Position, 1 to n are GPS1 to GPSn.
     pub index: usize,
     /// The object's timestamp and values, or why the bytes are not an object.
     pub state: State,
@@ -123,7 +123,8 @@ pub struct Reading {
     pub offset: usize,
     /// Whether every byte was read as 0xFF, because the DPR was busy or no image was readable.
     pub silent: bool,
-    /// The values of Link-Status, or the reason why it was rejected; `None` if the transaction did not read all of it.
+    /// The values of Link-Status, or why it was rejected; `None` if the transaction did not read Link-Status
+    /// completely.
     pub link: Option<Result<LinkValues, Rejection>>,
     /// The objects of which the transaction read every byte.
     pub objects: Vec<Placed>,
@@ -167,7 +168,8 @@ impl Reading {
     }
 }
 
-/// The window is the range of the map that the next transaction reads; each transaction may request the next window.
+/// The window: the range of the map that the next transaction reads. Each transaction may request the window of the
+/// next.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Window {
     offset: usize,
@@ -196,7 +198,7 @@ impl Window {
 /// What the first bytes of a transaction request (docs/design.md#ssi).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Asked {
-    /// The line is idle, so the flight controller requests nothing.
+    /// The flight controller sends idle bytes, which request nothing.
     Nothing,
     /// The request is for a window that lies in the map.
     Window {
@@ -232,7 +234,7 @@ impl Asked {
     }
 }
 
-/// Returns whether the last four bytes are the CRC of those before them, big-endian (docs/design.md#crc).
+/// Returns whether `bytes` end in the CRC of the bytes before it, big-endian (docs/design.md#crc).
 #[must_use]
 pub fn is_intact(bytes: &[u8]) -> bool {
     bytes.split_last_chunk().is_some_and(|(bytes, crc)| profile::crc::frame(bytes).to_be_bytes() == *crc)

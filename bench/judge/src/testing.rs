@@ -27,12 +27,13 @@ pub(crate) fn header(gps: usize) -> Header {
 #[derive(Clone, Debug)]
 pub(crate) struct Events {
     pub(crate) gps: usize,
+    pub(crate) hold: bool,
     pub(crate) events: Vec<Event>,
 }
 
 impl Events {
     pub(crate) fn new(gps: usize) -> Self {
-        Self { gps, events: vec![] }
+        Self { gps, hold: false, events: vec![] }
     }
 
     /// Returns a run of `cycles` cycles in which no receiver sends anything. The field is on before the first tick.
@@ -63,7 +64,7 @@ impl Events {
         self.add(at, What::Reset { board, cause: Cause::PowerOn, asked })
     }
 
-    /// Adds `cycles` cycles; the first, with the tick `first`, is the first after a start of HORUS.
+    /// Adds `cycles` cycles after a start of HORUS. The first begins at the tick `first`, ns.
     pub(crate) fn cycles(&mut self, first: u64, cycles: u64) -> &mut Self {
         for number in 1..=cycles {
             self.cycle(first + (number - 1) * bounds::CYCLE, number as u32 * 10);
@@ -109,7 +110,7 @@ impl Events {
     pub(crate) fn log(&self) -> Log {
         let mut events = self.events.clone();
         events.sort_by_key(|event| (event.at, event.what.rank()));
-        Log { header: header(self.gps), events }
+        Log { header: Header { hold: self.hold, ..header(self.gps) }, events }
     }
 }
 
@@ -135,7 +136,7 @@ pub(crate) fn objects(reported: &ReportedValues, gps: &[GpsValues]) -> Vec<Vec<u
     objects
 }
 
-/// Returns the violations that one rule finds in a log, and its figures.
+/// Returns the violations that `rule` finds in a log, and the figures that it measures.
 pub(crate) fn broken(mut rule: impl Rule, log: &Log) -> (Vec<Broken>, Figures) {
     let (mut context, mut findings, mut figures) = (Context::new(&log.header), Findings::default(), Figures::default());
     for event in &log.events {
@@ -146,7 +147,7 @@ pub(crate) fn broken(mut rule: impl Rule, log: &Log) -> (Vec<Broken>, Figures) {
     (findings.into_broken(), figures)
 }
 
-/// Like [`broken`], but reduced to each violation's count and the instant, ns, of its first occurrence.
+/// Returns what [`broken`] does, with only the count and the instant, ns, of the first occurrence of each violation.
 pub(crate) fn found(rule: impl Rule, log: &Log) -> (Vec<(Violation, u64, u64)>, Figures) {
     let (broken, figures) = broken(rule, log);
     (broken.into_iter().map(|broken| (broken.violation, broken.count, broken.first_at)).collect(), figures)
@@ -158,7 +159,7 @@ pub(crate) const MISUSE: Disturbance = Disturbance::FlightController { conduct: 
 pub(crate) const RECEIVE_BIT: Disturbance = Disturbance::Memory { board: Board::Dpr, memory: Memory::Receive };
 pub(crate) const IMAGE_BIT: Disturbance = Disturbance::Memory { board: Board::Dpr, memory: Memory::Images };
 
-/// Returns the event that the bench disturbs this until the instant `until`, ns.
+/// Returns the event by which the bench disturbs something until the instant `until`, ns.
 pub(crate) fn injected(disturbs: Disturbance, until: u64) -> What {
     What::Injected { kind: format!("{disturbs:?}"), disturbs, until }
 }

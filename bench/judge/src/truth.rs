@@ -5,13 +5,15 @@ use std::collections::VecDeque;
 use crate::read::Placed;
 use crate::{Board, Context, Event, What, bounds};
 
-/// How long frames are kept after they were sent, ns. A transaction may last long, and an image may be old.
+/// How long frames of an earlier start of HORUS are kept after they were sent, ns, because a transaction may still show
+/// them.
 pub const KEPT: u64 = 2_000_000_000;
 
-/// The number of frames that are kept: those of ten seconds, or of five seconds with two frames a cycle.
+/// The number of frames that are kept: those of the last ten seconds, or of five seconds with two frames a cycle.
 const REMEMBERED: usize = 1_000;
 
-/// A frame ends before the next tick but one, so a few ticks are enough.
+/// The number of ticks that are kept. A frame ends at most two ticks after the tick to which it belongs, so four are
+/// enough.
 const TICKS: usize = 4;
 
 /// A frame that HORUS sent.
@@ -19,7 +21,7 @@ const TICKS: usize = 4;
 pub struct SentFrame {
     /// The frame's number among all frames of the run, across restarts of HORUS.
     pub serial: u64,
-    /// The number of the start of HORUS after which the frame was sent.
+    /// The number of HORUS's starts when the frame was sent.
     horus_start: u64,
     /// The instant, ns, at which the frame's first preamble bit began.
     pub started: u64,
@@ -29,7 +31,7 @@ pub struct SentFrame {
     objects: Vec<(usize, Vec<u8>)>,
 }
 
-/// The last frames that HORUS sent.
+/// The frames that HORUS sent last.
 #[derive(Clone, Debug, Default)]
 pub struct Truth {
     frames: VecDeque<SentFrame>,
@@ -60,7 +62,7 @@ impl Truth {
                     tick: self.ticks.iter().rev().copied().find(near),
                     objects: frame.objects.iter().filter(valid).map(|it| (it.index, it.bytes.clone())).collect(),
                 });
-                // Frames from before HORUS's last start but one are dropped once no transaction can show them.
+                // Frames from before HORUS's last start but one are dropped when no transaction can show them any more.
                 let gone = |frame: &SentFrame| frame.horus_start + 1 < horus_start && event.at - frame.started > KEPT;
                 while self.frames.len() > REMEMBERED || self.frames.front().is_some_and(gone) {
                     self.frames.pop_front();
@@ -70,7 +72,7 @@ impl Truth {
         }
     }
 
-    /// Returns the last frame that began at `before`, ns, or earlier and whose object number `index` has these bytes.
+    /// Returns the last frame that began at `before`, ns, or earlier and carried object `index` with these bytes.
     #[must_use]
     pub fn find(&self, index: usize, bytes: &[u8], before: u64) -> Option<&SentFrame> {
         let carried = |frame: &&SentFrame| {
@@ -120,7 +122,7 @@ mod tests {
             self.take(started + FRAME, What::Sent { started, bit_rate: 424_000, bytes: Bytes(bytes), whole: true });
         }
 
-        /// Returns the serial number and the tick of the frame that is found for an object of this timestamp.
+        /// Returns the serial number and the tick of the frame that the record finds for an object of this timestamp.
         fn found(&self, index: usize, timestamp: u32, before: u64) -> Option<(u64, Option<u64>)> {
             let frame = self.truth.find(index, &objects(timestamp)[index], before)?;
             Some((frame.serial, frame.tick))
@@ -131,7 +133,7 @@ mod tests {
         testing::objects(&testing::silent_reported(timestamp), &[testing::silent_gps(timestamp)])
     }
 
-    /// Returns the tick to which a frame belongs that began at `started` and ended after all of these ticks.
+    /// Returns the tick that the record assigns to a frame that began at `started` and ended after all of `ticks`.
     fn tick_of(started: u64, ticks: &[u64]) -> Option<u64> {
         let mut rig = Rig::new();
         ticks.iter().for_each(|at| rig.tick(*at));
@@ -176,7 +178,7 @@ mod tests {
         assert_eq!(rig.found(1, 20, 70 * MS - 1), Some((2, Some(60 * MS))));
         assert_eq!(rig.found(0, 10, 50 * MS - 1), None);
         assert_eq!(rig.found(0, 30, u64::MAX), None);
-        // An object is not found as another object, nor by only the beginning of its bytes.
+        // The record must find an object only under its own number, and only by all of its bytes.
         assert!(rig.truth.find(1, &objects(10)[0], u64::MAX).is_none());
         assert!(rig.truth.find(0, &objects(10)[0][1..], u64::MAX).is_none());
     }

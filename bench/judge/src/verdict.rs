@@ -32,7 +32,7 @@ impl std::fmt::Display for Broken {
 pub struct Findings(BTreeMap<Violation, Broken>);
 
 impl Findings {
-    /// Records a violation at the instant `at`, ns. `words` is called only for the first occurrence.
+    /// Records a violation at the instant `at`, ns. `words` describes it, and is called only for the first occurrence.
     pub fn add(&mut self, violation: Violation, at: u64, words: impl FnOnce() -> String) {
         self.0.entry(violation).and_modify(|broken| broken.count += 1).or_insert_with(|| Broken {
             violation,

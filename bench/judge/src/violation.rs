@@ -2,7 +2,7 @@
 
 macro_rules! violations {
     ($($(#[$doc:meta])* $name:ident = $words:literal,)*) => {
-        /// A fault that a run of the link must not show. The rule that finds it is in [`crate::rules`].
+        /// A fault that a run of the link must not show. A rule of [`crate::rules`] finds it.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
         pub enum Violation {
             $($(#[$doc])* $name,)*
@@ -30,7 +30,8 @@ violations! {
     /// tick.
     // Shows TIME-1.
     NoTick = "HORUS does not tick",
-    /// The time between two ticks varies, or differs from 10 ms by more than the error of a clock without its crystal.
+    /// The time between two ticks varies too much, or differs from 10 ms by more than a clock without its crystal may
+    /// be off.
     // Shows TIME-1.
     TickIrregular = "the tick is not constant",
     /// A tick was not followed by the frames of its cycle.
@@ -59,7 +60,7 @@ violations! {
     /// The spread, peak to peak, of the time from a tick to the first bit on the air exceeds the bound.
     // Shows TIME-5.
     AirJitter = "the time from tick to air is not constant",
-    /// HORUS's carrier went off while HORUS ran.
+    /// HORUS's carrier went off although HORUS was running.
     FieldDropped = "the field dropped",
     /// A value in a GPS object is not that of the receiver's last message.
     // Shows REC-5, REC-6.
@@ -67,25 +68,27 @@ violations! {
     /// A bit of a GPS object's status does not fit what the receiver sent.
     // Shows REC-1, REC-2, REC-3, REC-4.
     StatusWrong = "a GPS object's status differs from what its receiver sent",
-    /// Reported-Position does not follow from the agreeing receivers, or its status is wrong.
+    /// Reported-Position does not follow from the receivers that agree, or its status is wrong.
     // Shows VOTE-2, VOTE-3, STA-4, STA-5, STA-6.
     ReportedWrong = "Reported-Position is not what the receivers that agree say",
-    /// HORUS shows a voted position that has no majority of receivers, or that jumps. A position jumps if it is farther
-    /// from the last one than an aircraft can have flown. HORUS may show it only after it has lasted for a second.
+    /// HORUS shows a voted position that has no majority of receivers, or one that jumps. A position jumps if it is
+    /// farther from the last one than an aircraft can have flown. HORUS may show such a position only after it has
+    /// lasted for a second.
     // Shows VOTE-1, VOTE-4.
     VoteWrong = "a voted position without a majority, or one that jumps",
     /// HORUS shows no voted position although a majority agrees and the position need not be held back.
     // Shows VOTE-7.
     VoteMissing = "no voted position although a majority agrees",
     /// A receiver is excluded without a cause, or is not excluded although it agrees with no receiver of the voted
-    /// position. Or an excluded receiver returns before, or not after, it has agreed for a second.
+    /// position. The same violation covers a return before or well after the receiver has agreed for a second.
     // Shows VOTE-5, VOTE-6.
     ExclusionWrong = "a receiver is wrongly excluded, or wrongly not",
     /// HORUS shows as valid the position of a receiver whose dynamic model HORUS should have set long before.
     // Shows REC-7.
     NotAirborne = "a position of a receiver that does not navigate as airborne",
-    /// HORUS's state does not fit its inputs (relay, motor cut, emergency measure). The state does not show an input
-    /// that was active or contradicted itself for the debounce time, or shows what no input justifies.
+    /// HORUS's state does not fit its inputs (relay, motor cut, emergency measure). Either an input was active, or
+    /// contradicted itself, for the debounce time and the state does not show it. Or the state shows what no input
+    /// justifies.
     // Shows STA-1, STA-2.
     StateWrong = "HORUS's state is not what its inputs say",
     /// HORUS does not read the bytes that wait in a receiver on a bus.
@@ -94,17 +97,17 @@ violations! {
     /// A receiver does not send positions, although HORUS should have set it to do so long before.
     // Shows REC-8.
     NotConfigured = "a receiver is not set as HORUS needs it",
-    /// HORUS has no position although enough receivers work, and no other violation explains the absence.
+    /// HORUS has no position although enough receivers work, and no other violation explains this.
     NoPosition = "HORUS has no position in a sound run",
-    /// Reported-Position shows a valid position that is too far from where the aircraft was.
+    /// Reported-Position shows a valid position that is too far from the aircraft's true position.
     // Shows VOTE-8.
     PositionOff = "a position far from where the aircraft is",
     /// HORUS states wrongly whether it runs without its crystal.
     // Shows STA-3.
     CrystalWrong = "HORUS tells wrongly whether it runs without its crystal",
-    /// A bit of program memory changed, a bit of a buffer is stuck, or a supply falls. The board neither reports the
-    /// fault nor stops within the required time.
-    // Shows IMG-4, SAFE-3, SAFE-15.
+    /// A bit of program memory changed, a bit of a buffer is stuck, a supply falls, or a task of a cycle ran out of its
+    /// turn. The board neither reports the fault nor stops within the required time.
+    // Shows IMG-4, SAFE-3, SAFE-15, SAFE-16.
     FaultUnnoticed = "a fault has no consequence",
     // ---- DPR and SSI
 
@@ -126,13 +129,13 @@ violations! {
     FreshShort = "FRESH is too short",
     /// The processor kept the SSI's buffers longer than the bound, so no transaction could be served.
     HeldBack = "the SSI was held back too long",
-    /// Two transactions in a row found the DPR busy. Only one may, while a new image is put in.
+    /// Two transactions in a row found the DPR busy. Only one may, while the DPR puts in a new image.
     // Shows SSI-1.
     BusyTwice = "two transactions in a row met the DPR busy",
     /// Nothing can be read although the DPR runs, because its images expire and no new one replaces them.
     // Shows SSI-1.
     Silent = "nothing can be read",
-    /// The image shows an object's cycle but not the object, which reached the antenna whole.
+    /// The image shows objects of a cycle but lacks one that reached the antenna whole.
     // Shows IMG-2.
     Vacant = "a vacant object although it was delivered whole",
     /// A cycle was not shown although it reached the antenna whole and in sequence.
@@ -141,10 +144,11 @@ violations! {
     /// An object is shown whose CRC is right, but HORUS never sent these bytes.
     // Shows OBJ-1.
     ShownNeverSent = "an invalid object shown as valid",
-    /// An object is shown whose frame was repeated, delayed or inserted, or came before the sequence was found.
+    /// An object is shown whose frame was repeated, delayed or inserted, or whose frame came before the sequence was
+    /// found.
     // Shows SEQ-1, SEQ-2, SEQ-3, SEQ-4.
     ShownOutOfSequence = "an object out of sequence shown as valid",
-    /// An object is shown although the next frame was missed and its deadline has passed.
+    /// An object is shown although the deadline of a missed later frame has passed.
     // Shows IMG-1.
     ShownStale = "stale data shown past its deadline",
     /// An object is shown although its image was not replaced within 25 ms.
@@ -153,19 +157,19 @@ violations! {
     /// An object is shown that is older than an object with the same identifier shown before.
     // Shows IMG-7.
     Regression = "old data shown after new",
-    /// The bytes that one transaction read come from several images, even within an object.
+    /// The bytes that a transaction read come from several images, even those of a single object.
     // Shows IMG-7.
     Torn = "a torn read",
     /// The bytes of an object are neither intact nor empty nor torn.
     // Shows OBJ-1.
     Damaged = "damaged data in the image",
-    /// An object is intact, but at another object's offset.
+    /// An object is intact, but stands at another object's offset.
     // Shows OBJ-6.
     Misplaced = "a valid object in another's place",
     /// A transaction at the rise of FRESH would have found the DPR busy, or would have read an unsound image.
     // Shows IMG-3.
     FreshUnreadable = "FRESH without a readable image",
-    /// The image that was readable when FRESH rose was the one before.
+    /// FRESH rose, but the image that could be read was still the one before.
     // Shows IMG-3.
     FreshNotNew = "FRESH without a fresh image",
     /// A transaction read an image that FRESH had not announced.
@@ -176,7 +180,7 @@ violations! {
     LateReadable = "a frame was readable too late after its last bit",
     /// A sample was readable too late after its tick.
     LateSample = "a sample was readable too late",
-    /// After a disturbance the flight controller reads no new valid object within the cycles of a recovery.
+    /// After a disturbance the flight controller does not read a new valid object within the allowed number of cycles.
     // Shows TIME-9.
     RecoversLate = "the link recovers too late",
     /// The age of the sample in Link-Status does not fit the tick at which the sample was taken.
@@ -194,7 +198,7 @@ violations! {
     /// Port-Status does not fit the uplinks, commands and access violations that were written.
     // Shows PORT-2, PORT-3.
     PortStatusWrong = "Port-Status tells what is not so",
-    /// An uplink differs from what was written in its bytes, in its age, or in whether it counts as fresh.
+    /// An uplink differs from what was written: in its bytes, in its age, or in its mark as fresh.
     // Shows PORT-1.
     UplinkWrong = "an uplink is read otherwise than it was written",
     // ---- Flight controller and base station
@@ -205,7 +209,7 @@ violations! {
     /// The age that the client states does not fit the tick of the sample and what the wires show.
     // Shows CLI-3.
     ClientAge = "the client tells a wrong age",
-    /// The client states no position although it reads valid positions in sequence.
+    /// The client states no position although it has read valid positions in sequence.
     ClientHides = "the client has no position although it reads them",
     /// The flight controller did not forward a new profile that it read complete and intact.
     // Shows GND-1.
@@ -266,27 +270,34 @@ violations! {
 
     /// The hold is silent: no Hold-Status came for more than a period and a half.
     HoldSilent = "the hold is silent",
+    /// A frame of the hold began less than 99 ms after the one before it.
+    HoldEarly = "the hold sends too early",
     /// The map shows an object of the hold that did not come to the DPR within the last 300 ms.
     HoldShown = "the map shows what the hold did not say",
-    /// The map does not show the object of the hold that came last.
+    /// The map does not show the hold's newest object.
     HoldHidden = "what the hold said is not shown",
     /// An answer to the hold is wrong: it comes without a frame, too early, too late or twice, or has an uplink that
     /// nobody wrote within the last second.
     HoldAnswer = "a wrong answer to the hold",
-    /// A frame of the hold was shown and not answered.
+    /// The DPR showed a frame of the hold but did not answer the frame.
     HoldUnanswered = "a frame of the hold is not answered",
-    /// The hold did something else than it was commanded: its acknowledgement, set-point or lock is not what follows
-    /// from the commands that came.
+    /// The hold did not do what was commanded: its acknowledgement, set-point or lock does not follow from the commands
+    /// that it received.
     HoldCommand = "the hold did what nobody commanded",
     /// The hold does not acknowledge a command that came three times, each time in a later uplink.
     HoldIgnores = "the hold ignores a command",
-    /// Heater, cooler or lock are not as Hold-Status says, or a value in it is not that of the box.
+    /// The states of heater, cooler or lock differ from those in Hold-Status, or Hold-Status has a value that differs
+    /// from the payload's.
     HoldOutput = "the hold's outputs or values are not what it says",
+    /// The heater is on for a greater share of the time than the hold's limit, in a box that is too hot, or without a
+    /// recent temperature since the hold's start.
+    // Shows HOLD-9.
+    HoldHeats = "the hold heats when it must not",
     /// The hold restarted unasked, or did something that its part, its front end or its sensors do not allow.
     HoldComplains = "the hold restarted unasked, or did what its parts do not allow",
     // ---- Bench
 
-    /// The bench acted on a board later than it was due, so the run is not exact in time.
+    /// The bench acted on a board too late, so the timing of the run is not exact.
     Late = "the bench acted late",
 }
 

@@ -1,11 +1,11 @@
-//! Tests what is judged of the base station's profiles. Each test changes a flawless log in one way.
+//! Tests what is judged of the profiles at the base station. Each test changes a flawless log in one way.
 
 use crate::common;
 
 use bench_judge::{Log, Violation, Violation::*, What, bounds};
 use common::*;
 
-/// Returns a flawless log, and the index of an event that forwards a profile. The next event is the profile's arrival.
+/// Returns a flawless log, and the index of an event that forwards a profile. The profile's arrival is the next event.
 fn forwarding(gps: usize) -> (Plan, Log, usize) {
     let plan = Plan::new(gps, 40);
     let log = plan.log();
@@ -41,7 +41,7 @@ fn a_profile_must_arrive_within_100_ms_or_it_is_missed() {
         found(&log)
     };
     assert_eq!(late(bounds::DOWNLINK), []);
-    // A profile that arrives this late counts as missed, and its arrival as that of a profile that was not forwarded.
+    // The profile arrives so late that it counts as missed. Its late arrival then counts as that of a changed profile.
     assert_eq!(late(bounds::DOWNLINK + 1), [(BaseMissed, 1), (BaseChanged, 1)]);
     let mut log = log;
     let last = log.events.iter().rposition(|event| matches!(event.what, What::Arrived { .. })).unwrap();
@@ -75,8 +75,8 @@ fn a_profile_changed_on_its_way_is_not_missed_too() {
 #[test]
 fn a_change_explains_one_missing_profile_of_its_time_and_no_other() {
     let (_, log, place) = forwarding(3);
-    // In the first two cases a changed profile arrives long before, or just before, the missing one is forwarded. In
-    // the third case two profiles are missing and one arrives changed.
+    // A profile that is forwarded never arrives. A changed profile arrives before it: in one case long before, in
+    // another just before. In the third case two profiles are missing and one arrives changed.
     let spoilt = |log: &Log, place: usize| {
         let mut what = log.events[place].what.clone();
         if let What::Arrived { profile, shown } = &mut what {
@@ -172,7 +172,8 @@ fn the_base_station_may_not_show_an_invalid_object() {
         let mut log = log.clone();
         let (profile, _) = arrived(&mut log, place + 1);
         profile[plan.layout.in_profile(index).unwrap().start + 20] ^= 1;
-        // The judge reports the change on the way, and the changed object that the base station shows.
+        // The judge reports two violations: the bytes changed on the way, and the base station shows the changed
+        // object.
         assert_eq!(found(&log), [(BaseChanged, 1), (BaseInvalid, 1)], "{index}");
     }
     for index in plan.layout.objects()..8 {
@@ -180,7 +181,7 @@ fn the_base_station_may_not_show_an_invalid_object() {
         *arrived(&mut log, place + 1).1 |= 1 << index;
         assert_eq!(found(&log), [(BaseInvalid, 1)], "{index}");
     }
-    // Two objects have changed places.
+    // Two objects of the profile have changed places.
     let mut log = log;
     let (profile, _) = arrived(&mut log, place + 1);
     let second = profile[124..184].to_vec();
@@ -233,7 +234,7 @@ fn objects_of_two_cycles_shown_as_one_are_a_violation() {
         let mut log = log.clone();
         mixed(&mut log, place + 1, index);
         assert_eq!(found(&log), [(BaseMixed, 1)], "{index}");
-        // A profile that does not show the object counts as changed on the way.
+        // If the station does not show the object, the profile still counts as changed on the way.
         *arrived(&mut log, place + 1).1 &= !(1 << index);
         assert_eq!(found(&log), [(BaseChanged, 1)], "{index}");
     }
@@ -255,12 +256,12 @@ fn a_torn_read_that_is_forwarded_and_shown_is_one_violation() {
         }
     }
     assert_eq!(kinds(&log), [Torn]);
-    // The base station need not show the object that was torn, either.
+    // The base station may also leave out the object that mixes two cycles.
     *arrived(&mut log, place + 1).1 = 0b0001;
     assert_eq!(kinds(&log), [Torn]);
 }
 
-/// Returns the number of profiles that were not forwarded and the instant, ns, of the first, if any.
+/// Returns how many profiles were not forwarded, and the instant, ns, of the first one.
 fn not_forwarded(log: &Log) -> Vec<(u64, u64)> {
     let found = bench_judge::judge(log).violations.into_iter();
     found.filter(|it| it.violation == NotForwarded).map(|it| (it.count, it.first_at)).collect()
@@ -269,7 +270,7 @@ fn not_forwarded(log: &Log) -> Vec<(u64, u64)> {
 #[test]
 fn a_new_profile_must_be_forwarded_when_it_is_read() {
     let log = Plan::new(3, 40).log();
-    // The profile must differ from the one before it.
+    // The cycle must not be one that was forwarded already, so its profile differs from the one before it.
     let of = |place: usize| match &log.events[place].what {
         What::Forwarded { profile } => Some(profile),
         _ => None,

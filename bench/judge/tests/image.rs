@@ -28,8 +28,8 @@ fn a_read_spliced_from_two_images_is_torn() {
                 let objects = (0..plan.layout.objects()).map(|index| plan.layout.in_image(index).unwrap());
                 let places: Vec<_> = std::iter::once(0..32).chain(objects).collect();
                 let inside = places.iter().find(|place| place.contains(&at) && place.start < at);
-                // The bytes of two images are joined here. The object there may differ by one bit from one of the
-                // images.
+                // At the place where the bytes of two images are joined, an object may differ in one bit from one of
+                // the images.
                 let near = inside.is_some_and(|inside| {
                     [&now, &before].iter().any(|image| distance(&image[inside.clone()], &spliced[inside.clone()]) == 1)
                 });
@@ -39,7 +39,7 @@ fn a_read_spliced_from_two_images_is_torn() {
                 match found.as_slice() {
                     [(Torn, 1)] => {}
                     [(Damaged, 1)] => assert!(near, "{gps} {at}"),
-                    // All bytes in which the two images differ come from one of them.
+                    // The join lies where the two images are equal, so the bytes are those of one image.
                     [] => assert!(whole(&now), "{gps} {at}"),
                     [(FreshNotNew, 1)] => assert!(whole(&before), "{gps} {at}"),
                     other => panic!("{gps} {at}: {other:?}"),
@@ -60,7 +60,7 @@ fn a_place_that_is_scrubbed_while_it_is_read_is_torn() {
             assert_eq!(found(&log), [(Torn, 1)], "{range:?} {fill}");
         }
     }
-    // A scrub fills the object during the transaction: the first bytes have one fill, the others the other fill.
+    // The DPR scrubs the object during the transaction. Its first bytes have one fill value, and the others another.
     let mut log = log.clone();
     miso(&mut log, place)[96..130].fill(0x00);
     miso(&mut log, place)[130..156].fill(0xFF);
@@ -129,7 +129,7 @@ fn a_valid_object_in_the_place_of_another_is_misplaced() {
         let mut log = log.clone();
         miso(&mut log, place)[at..at + object.len()].copy_from_slice(object);
         let violations = match at {
-            // Neither a piece of an object nor an object before its own offset is an object.
+            // Bytes before the first object, or a piece of an object, do not count as an object.
             0 | 212 => [(Damaged, 1)],
             _ => [(Misplaced, 1)],
         };

@@ -9,7 +9,8 @@ use profile::air::{CRC_BYTES, LEN_BYTES};
 
 const MS: u64 = 1_000_000;
 
-/// Returns the violations without `BaseChanged`: the tests change what was read but not what was forwarded.
+/// Returns the violations without `BaseChanged`, which follows because the tests change what was read but not what was
+/// forwarded.
 fn found(log: &Log) -> Vec<(Violation, u64)> {
     common::found(log).into_iter().filter(|(violation, _)| *violation != Violation::BaseChanged).collect()
 }
@@ -31,11 +32,11 @@ fn misuse_of_the_ssi_excuses_damaged_reads_until_shortly_after_it() {
     assert!(found(&log).contains(&(Violation::Damaged, 30)), "{:?}", found(&log));
     insert(&mut log, from, injected(MISUSE, until));
     assert_eq!(found(&log), []);
-    // Wrong bytes count as damage a moment after the excuse has ended.
+    // Wrong bytes count as damage if they are read a moment after the excuse of the misuse has ended.
     let mut log = read_by_wrong_clocks(from, over + 5 * MS);
     insert(&mut log, from, injected(MISUSE, until));
     assert_eq!(found(&log), [(Violation::Damaged, 1)]);
-    // The damaged transaction begins 1 ns before the excuse ends, or exactly when it ends.
+    // The damaged transaction begins 1 ns before the excuse ends, or exactly at its end.
     for (sooner, violations) in [(1, vec![]), (0, vec![(Violation::Damaged, 1)])] {
         let mut plan = Plan::new(3, 60);
         plan.selects.retain(|selected| selected.abs_diff(over) > 2 * MS);
@@ -48,7 +49,7 @@ fn misuse_of_the_ssi_excuses_damaged_reads_until_shortly_after_it() {
         insert(&mut log, from, injected(MISUSE, until));
         assert_eq!(found(&log), violations, "{sooner}");
     }
-    // No other fault excuses the damage.
+    // A disturbance of the air does not excuse damage on the SSI.
     let mut log = read_by_wrong_clocks(from, over);
     insert(&mut log, from, injected(Disturbance::Air, until));
     assert_eq!(found(&log), [(Violation::Damaged, 30)]);
@@ -75,7 +76,7 @@ fn misuse_of_the_ssi_excuses_the_dprs_silence() {
 #[test]
 fn a_transaction_begun_before_the_dpr_was_ready_demands_no_readiness() {
     let mut plan = Plan::new(3, 20);
-    // Chip select falls before the first image is put in, and rises after it.
+    // A transaction is under way when the DPR puts in its first image.
     let took = plan.transaction_ns();
     let first = plan.publications[0].at;
     plan.selects.retain(|at| *at > first + 2 * MS);
@@ -94,7 +95,7 @@ fn images_of_one_millisecond_with_different_counters_are_distinct() {
     let mut plan = Plan::new(3, 40);
     let place = plan.showing(200);
     let publication = plan.publications[place].clone();
-    // Two images without objects are published 300 µs apart. The second counts one more rejected object.
+    // The DPR publishes two images without objects, 300 µs apart. The second counts one more rejected object.
     let values = |rejected| profile::LinkValues { objects_rejected: rejected, ..profile::LinkValues::default() };
     let at = publication.at;
     plan.publications[place].image = plan.image(at, None, values(50));
@@ -120,7 +121,7 @@ fn a_damaged_length_allows_the_latency_of_a_frame_stored_whole() {
             let place = plan.showing(200);
             let ended = plan.publications[place].at - common::TO_FRESH;
             plan.publications[place].at = ended + bounds::STORE_AND_FORWARD + waits + late;
-            // No transaction is made close to the publication, so that none delays the image.
+            // No transaction comes close to the publication, so none can delay the image.
             let at = plan.publications[place].at;
             plan.selects.retain(|selected| !(at - 2 * MS..at + MS).contains(selected));
             let mut log = plan.log();
@@ -134,8 +135,8 @@ fn a_damaged_length_allows_the_latency_of_a_frame_stored_whole() {
     }
 }
 
-/// Returns the number of a frame of one receiver, and the number of its objects. Unless `whole`, the frame broke off
-/// after `bytes` bytes.
+/// Decodes a frame of one receiver. Returns its number in the cycle and the number of its objects. If `whole` is false,
+/// the frame broke off after `bytes` bytes.
 fn objects_of(bytes: usize, whole: bool) -> (Option<usize>, usize) {
     let layout = Layout::for_receivers(1).unwrap();
     let frame = common::frame(&common::profile(1, 70));
@@ -186,14 +187,14 @@ fn a_front_end_fault_excuses_misuse_and_field_drops_until_recovery() {
     let dropped = |kind: Disturbance, until| {
         let mut log = Plan::new(3, 40).log();
         insert(&mut log, 299 * MS, injected(kind, until));
-        // The field goes off between two frames; the next tick is at 300 ms.
+        // The field goes off for a moment between two frames, just before the tick at 300 ms.
         insert(&mut log, 299 * MS + 1, What::Field { on: false });
         insert(&mut log, 299 * MS + 2, What::Field { on: true });
         kinds(&log).contains(&Violation::FieldDropped)
     };
     assert!(dropped(DPR_FRONT_END, 299 * MS));
     assert!(!dropped(HORUS_FRONT_END, 299 * MS));
-    // The excuse lasts until the firmware has brought the front end up again.
+    // A fault of the front end is excused until the firmware has brought the front end up again.
     let before = |ns| 299 * MS + 1 - bounds::FRONT_END_RECOVERY - ns;
     let mut log = Plan::new(3, 40).log();
     for (ns, blamed) in [(0, true), (1, true)] {
@@ -232,7 +233,7 @@ fn a_frame_lost_with_the_front_ends_supply_is_excused() {
         let place = plan.showing(300);
         let ended = plan.publications[place].at - common::TO_FRESH;
         let mut log = plan.log();
-        // The cycle reaches the antenna, but no image shows it.
+        // The frames with the timestamp 300 ms reach the antenna, but no image contains their objects.
         let layout = Layout::for_receivers(3).unwrap();
         let shown = |bytes: &[u8]| bytes[layout.in_image(0).unwrap()].starts_with(&300_u32.to_le_bytes());
         for (_, miso) in transactions(&mut log).filter(|(_, miso)| shown(miso)) {

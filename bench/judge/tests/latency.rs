@@ -90,7 +90,7 @@ fn disturbed_frames_and_cycles_without_a_tick_are_not_measured() {
     plan.upstream.retain(|event| event.what != What::Tick);
     let figures = judged(&plan.log()).figures;
     assert_eq!((figures.sample_to_readable, figures.last_bit_to_readable.is_some()), (None, true));
-    // If the last tick was long before the frame, the time from the tick is not measured either.
+    // The time from tick to readable is not measured if the last tick came long before the frame.
     let mut plan = Plan::new(3, 40);
     plan.upstream.retain(|event| event.what != What::Tick || event.at < 200 * MS);
     assert_eq!(judged(&plan.log()).figures.sample_to_readable.unwrap().max, 4_960_000 + 14_659);
@@ -131,7 +131,8 @@ fn a_frame_begun_during_a_front_end_fault_may_be_late() {
     }
 }
 
-/// The disturbed bit may belong to LEN, so the frame may take as long as one that the DPR reads only at its end.
+/// A disturbed bit in the receive buffers may belong to the frame's LEN. The frame may then take as long as one that
+/// the DPR reads only at its end.
 #[test]
 fn a_hit_bit_allows_the_latency_of_storing_a_frame_whole() {
     for gps in [1, 3] {
@@ -166,7 +167,8 @@ fn a_frame_that_may_be_missed_is_timed_from_its_repetition() {
         let first = plan.upstream.iter().find(|event| event.at == ended && matches!(event.what, What::Heard { .. }));
         let mut again = first.unwrap().clone();
         let What::Heard { started, .. } = &mut again.what else { unreachable!("a frame that was heard") };
-        // The fault ends just before the frame, and the front end is being brought up during the frame.
+        // The front end's fault ends just before the frame, so the front end is being brought up while the frame
+        // arrives.
         let until = *started - 1_000;
         *started += 850_000;
         again.at += 850_000;
@@ -223,7 +225,7 @@ fn a_sample_dates_from_the_tick_just_before_its_first_frame() {
     assert!(after > bounds::SAMPLE_TO_READABLE);
     assert_eq!(samples(&plan).unwrap().max, after);
     assert!(found(&plan.log()).contains(&(LateSample, 1)));
-    // The only tick is a whole cycle before the frame, or a little less.
+    // The only tick of the run comes a whole cycle before the frame, or a little less.
     for (less, measured) in [(0, false), (1, true)] {
         let mut plan = Plan::new(3, 40);
         let began = started(&plan, cycle).unwrap();
@@ -235,7 +237,7 @@ fn a_sample_dates_from_the_tick_just_before_its_first_frame() {
         let longest = samples(&plan).map_or(0, |samples| samples.max);
         assert_eq!(longest > bounds::CYCLE, measured, "{less}: {longest}");
     }
-    // The only tick is between the two frames of the last cycle.
+    // The only tick of the run comes between the two frames of the last cycle.
     for (after, measured) in [(0, true), (1, false)] {
         let mut plan = Plan::new(5, 20);
         let began = started(&plan, cycle).unwrap();

@@ -101,7 +101,7 @@ fn error(lines: &[&str]) -> LogError {
     Log::read(lines.join("\n").as_bytes()).unwrap_err()
 }
 
-const HEADER: &str = r#"{"version":3,"gps":3,"seed":7,"clock":"fast"}"#;
+const HEADER: &str = r#"{"version":4,"gps":3,"seed":7,"clock":"fast"}"#;
 const TICK: &str = r#"{"at":10,"what":"tick"}"#;
 
 #[test]
@@ -118,19 +118,33 @@ fn what_is_no_log_is_told_with_its_line() {
         (&[HEADER, TICK, r#"{"at":11,"what":"tock"}"#], 3),
         (&[HEADER, r#"{"at":-1,"what":"tick"}"#], 2),
     ] {
-        // The empty line is ignored only at the end.
+        // Only at the end of the file is an empty line ignored.
         let lines = [lines, &[TICK]].concat();
         let error = error(&lines);
         assert!(matches!(error, LogError::Line { line, .. } if line == at), "{lines:?}: {error}");
         assert_eq!(error.to_string(), format!("line {at}"));
         assert!(std::error::Error::source(&error).is_some());
     }
-    let newer = HEADER.replace("\"version\":3", "\"version\":4");
-    assert!(matches!(error(&[&newer, TICK]), LogError::Version { found: 4 }));
-    assert_eq!(error(&[&newer]).to_string(), "the log has format 4, and this version reads format 3");
+    let newer = HEADER.replace("\"version\":4", "\"version\":5");
+    assert!(matches!(error(&[&newer, TICK]), LogError::Version { found: 5 }));
+    assert_eq!(error(&[&newer]).to_string(), "the log has format 5, and this version reads format 4");
     let backwards = [HEADER, TICK, TICK, r#"{"at":9,"what":"tick"}"#];
     assert!(matches!(error(&backwards), LogError::Order { line: 4, at: 9, before: 10 }));
     assert_eq!(error(&backwards).to_string(), "line 4: an event at 9 ns after one at 10 ns");
+}
+
+#[test]
+fn a_log_of_a_hold_in_an_earlier_format_is_refused() {
+    let header = r#"{"version":3,"gps":3,"seed":7,"clock":"fast","hold":true}"#;
+    let heats = r#"{"at":5,"what":{"hold":{"payload":{"heater":1,"cooler":0,"temperature":9,"humidity":9}}}}"#;
+    let disturbed = r#"{"at":5,"what":{"injected":{"kind":"hangs","disturbs":"hold","until":9}}}"#;
+    for event in [heats, disturbed] {
+        let error = error(&[header, event, TICK]);
+        assert_eq!(error.to_string(), "the log has format 3, and this version reads format 4");
+        // The present format has neither of the two.
+        let error = Log::read([HEADER, event, TICK].join("\n").as_bytes()).unwrap_err();
+        assert!(matches!(error, LogError::Line { line: 2, .. }), "{error}");
+    }
 }
 
 #[test]
@@ -142,7 +156,7 @@ fn a_log_that_is_cut_off_is_read_up_to_there() {
     for end in header..whole.len() - 1 {
         let cut = Log::read(&whole[..end]).unwrap();
         let lines = whole[..end].iter().filter(|byte| **byte == b'\n').count() - 1;
-        // If only the end of a line is missing, the line may still be complete.
+        // A line that lacks only its line feed may still be a complete event.
         assert!([lines, lines + 1].contains(&cut.events.len()), "{end}");
         assert_eq!(cut.events, log.events[..cut.events.len()], "{end}");
         assert_eq!(cut.is_whole(), cut.events.len() == log.events.len(), "{end}");
@@ -171,12 +185,12 @@ fn what_the_file_says_is_passed_on() {
     let error = Log::read(std::io::BufReader::new(Broken)).unwrap_err();
     assert!(matches!(error, LogError::Io(_)));
     assert_eq!(error.to_string(), "the disk is gone");
-    // An error in the middle of the file is also reported.
+    // A read error in the middle of the file is reported too.
     let begun = std::io::Read::chain(HEADER.as_bytes(), std::io::Read::chain(&b"\n"[..], Broken));
     assert!(matches!(Log::read(std::io::BufReader::new(begun)), Err(LogError::Io(_))));
     let log = Plan::new(1, 4).log();
     assert_eq!(log.write(Broken).unwrap_err().to_string(), "the disk is full");
-    // The writer may report that there is no room only when the log is flushed.
+    // The writer is buffered, so it may report a full disk only when the log is flushed.
     let mut room = [0; 1 << 20];
     let buffered = std::io::BufWriter::with_capacity(1 << 20, Broken);
     assert!(log.write(buffered).is_err());
@@ -209,7 +223,7 @@ fn judging_is_a_function_of_the_log_alone() {
     for event in &log.events {
         judge.take(event);
     }
-    // Some violations are found only at the end of the run.
+    // The end of a run adds violations that cannot be found earlier.
     let counts: Vec<_> = judge.findings().counts().collect();
     let verdict_of_events = judge.clone().finish();
     for (violation, count) in counts {

@@ -97,7 +97,7 @@ fn a_request_chooses_the_window_of_the_next_transaction_that_is_served() {
     assert_eq!(window.offset(), 0);
     window.transaction(layout, &[&request(96, 180)[..], &[0; 64]].concat(), false);
     assert_eq!(window.offset(), 96);
-    // A busy DPR has not received the request, and has not shown the window that was requested before.
+    // The DPR was busy, so it did not receive the request. The window requested before still applies.
     window.transaction(layout, &request(32, 64), true);
     assert_eq!(window.offset(), 96);
     for nothing in [&[0; 8][..], &[0xFF; 8], &[], &request(96, 180)[..7], &request(96, 400), &[7; 8]] {

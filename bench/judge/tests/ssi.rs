@@ -1,5 +1,5 @@
-//! Tests whether the flight controller makes transactions and the DPR serves them. Each test changes a flawless log in
-//! one way.
+//! Tests whether the flight controller makes transactions, and whether the DPR serves them. Each test changes a
+//! flawless log in one way.
 
 use crate::common;
 
@@ -10,12 +10,12 @@ use profile::LinkValues;
 
 const MS: u64 = 1_000_000;
 const CYCLE: u64 = 10 * MS;
-/// The instant, ns, at which an image is put in, between two transactions.
+/// The instant, ns, at which the DPR puts in an image, between two transactions.
 const BACK: u64 = 344_950_000;
 
 #[test]
 fn a_flawless_run_has_its_figures_and_no_violation() {
-    // The DPR takes the same time with every number of receivers.
+    // The time until the DPR is ready does not depend on the number of receivers.
     for (gps, ready) in [(1, TO_READY), (2, TO_READY), (3, TO_READY), (5, TO_READY)] {
         let plan = Plan::new(gps, 60);
         let log = plan.log();
@@ -65,7 +65,7 @@ fn a_restart_keeps_until_when_the_flight_controller_was_silent() {
     }
 }
 
-/// Returns a run without transactions from `from` to `to` (ns).
+/// Returns a run without transactions from the instant `from` to `to` (ns).
 fn without_transactions(from: u64, to: u64) -> Plan {
     let mut plan = Plan::new(3, 60);
     let took = plan.transaction_ns();
@@ -83,7 +83,7 @@ fn a_flight_controller_must_read_at_least_every_100_ms() {
     let verdict = judged(&without_transactions(from, from + bounds::NO_TRANSACTION + 1).log());
     assert_eq!(verdict.violations.len(), 1);
     assert_eq!((verdict.violations[0].violation, verdict.violations[0].first_at), (NoTransaction, 351 * MS));
-    // Transactions are missing twice, the second time until the end of the run.
+    // Transactions are missing in two periods, of which the second lasts until the end of the run. Both are reported.
     let mut log = without_transactions(from, from + 150 * MS).log();
     log.events.retain(|event| event.at < 450 * MS || !matches!(event.what, What::Selected | What::Transaction { .. }));
     log.events
@@ -120,7 +120,7 @@ fn a_dpr_that_never_gets_ready_is_a_violation_and_no_other() {
     let verdict = judged(&plan.log());
     assert_eq!(verdict.violations.len(), 1);
     assert_eq!((verdict.violations[0].violation, verdict.violations[0].first_at), (NeverReady, bounds::START));
-    // Nothing is required of a DPR that is starting.
+    // A DPR that is starting need not do anything.
     let mut plan = Plan::new(3, 8);
     plan.publications.clear();
     assert_eq!(plan.end, bounds::START);
@@ -129,7 +129,7 @@ fn a_dpr_that_never_gets_ready_is_a_violation_and_no_other() {
 
 #[test]
 fn a_dpr_kept_selected_since_its_restart_is_ready_once_deselected() {
-    // The DPR restarts before it is selected, or while it is selected.
+    // The DPR restarts just before the flight controller selects it, or while it is selected.
     for restart in [258 * MS, 265 * MS] {
         kept_selected_at_a_restart(restart);
     }
@@ -157,7 +157,8 @@ fn kept_selected_at_a_restart(restart: u64) {
     insert(&mut log, let_go + bounds::SSI_READY, What::Ssi(SsiEvent::Ready));
     let never = |log: &bench_judge::Log| found(log).contains(&(NeverReady, 1));
     assert!(!never(&log), "it is selected until {let_go}");
-    // If the flight controller raises chip select earlier, the DPR has to be ready.
+    // Chip select is held while the DPR should become ready. If the flight controller raised it earlier, the DPR would
+    // have to be ready.
     for event in &mut log.events {
         if matches!(event.what, What::Transaction { selected, .. } if selected == held) {
             event.at = 300 * MS;
@@ -167,12 +168,12 @@ fn kept_selected_at_a_restart(restart: u64) {
     assert!(never(&log));
 }
 
-/// Returns the log of a run with the events `what` at `at`, in which the DPR does nothing until `back`.
+/// Returns the log of a run in which the DPR does nothing from `at` to `back`, where the events `what` come at `at`.
 fn restarted(at: u64, back: u64, what: &[What]) -> bench_judge::Log {
     restarted_in(&Plan::new(3, 60), at, back, what)
 }
 
-/// Like [`restarted`], for a run of this plan.
+/// Does what [`restarted`] does, for the run of this plan.
 fn restarted_in(plan: &Plan, at: u64, back: u64, what: &[What]) -> bench_judge::Log {
     let mut log = plan.log();
     blind(&mut log, at, back);
@@ -193,11 +194,11 @@ fn a_dpr_must_get_ready_in_time_after_a_restart() {
         assert_eq!(found(&log), [(NeverReady, 1)], "{what:?}");
         assert_eq!(verdict.violations[0].first_at, 350 * MS);
     }
-    // Nothing is required of a DPR without a supply.
+    // A DPR without a supply need not do anything.
     let mut log = restarted(250 * MS, BACK + 10 * CYCLE, &[power(false)]);
     insert(&mut log, 440 * MS, power(true));
     assert_eq!(found(&log), []);
-    // Without a restart, the violation is that nothing can be read.
+    // If the log has no restart, the DPR should have been readable all the time.
     assert_eq!(found(&restarted(250 * MS, BACK, &[])), [(Silent, 1)]);
 }
 
@@ -226,7 +227,7 @@ fn a_dpr_that_restarts_counts_anew() {
     let mut plan = Plan::new(3, 60);
     let first = plan.publications.iter().position(|publication| publication.at >= BACK).unwrap();
     let at = plan.publications[first].at;
-    // The first image has no objects, and the clock and counters of a start.
+    // The first image after a restart has no objects, and its time and counters begin anew.
     plan.publications[first].image = plan.image(at - 250 * MS, None, LinkValues::default());
     assert_eq!(found(&restarted_in(&plan, 250 * MS, BACK, &[dpr_reset(true)])), []);
     let unasked = found(&restarted_in(&plan, 250 * MS, BACK, &[]));
@@ -239,7 +240,7 @@ fn the_dpr_must_be_ready_again_once_misuse_is_over() {
         let mut plan = Plan::new(3, 60);
         let over = plan.publications[plan.showing(300)].at + 3 * MS;
         let ended = over - sooner;
-        // No other transaction comes close to the end of the misuse, so this one ends together with it.
+        // Near the end of the misuse only one transaction is left, which ends `sooner` before that end.
         plan.selects.retain(|selected| selected.abs_diff(over) > 5 * MS);
         plan.selects.push(ended - plan.transaction_ns());
         plan.selects.sort_unstable();
@@ -297,7 +298,7 @@ fn the_dpr_must_be_ready_10_us_after_a_transaction() {
     assert_eq!(found(&at(bounds::SSI_READY + 1)), [(NotReady, 1)]);
     assert_eq!(verdict.violations[0].first_at, ended);
     assert_eq!(verdict.figures.ready_ns, Some(Max { max: 10_001 }));
-    // The DPR stays busy over the next transaction, so it serves neither that one nor the one after it.
+    // The DPR is not ready when the next transaction begins. It serves neither that transaction nor the one after it.
     let mut late = at(2 * CONTROL_CYCLE + 100_000);
     blind(&mut late, ended + 1, ended + 2 * CONTROL_CYCLE + 200_000);
     late.events.retain(|event| {
@@ -349,7 +350,7 @@ fn a_dpr_that_is_never_ready_again_is_one_violation() {
         .retain(|event| event.at <= ended || !matches!(event.what, What::Ssi(SsiEvent::Released | SsiEvent::Ready)));
     assert!(log.events.last().unwrap().at > ended + bounds::SSI_READY);
     assert_eq!(found(&log), [(NotReady, 1)]);
-    // The figure lacks this time, because it is not known how long it would have been.
+    // `ready_ns` leaves out a time that a restart cut short.
     assert_eq!(judged(&log).figures.ready_ns, Some(Max { max: TO_READY }));
 }
 
@@ -384,7 +385,7 @@ fn buffers_that_are_held_for_longer_than_10_us_are_a_violation() {
     assert_eq!(found(&held_for(bounds::SSI_READY)), []);
     assert_eq!(found(&held_for(bounds::SSI_READY + 1)), [(HeldBack, 1)]);
     assert_eq!(judged(&held_for(bounds::SSI_READY + 1)).violations[0].first_at, released - bounds::SSI_READY - 1);
-    // The processor still holds the buffers at the end of the run.
+    // The processor still holds the buffers when the run ends.
     let mut held = log.clone();
     let last = publication(plan.end - 12 * MS);
     held.events.retain(|event| event.at < last || event.what == What::End);
@@ -426,7 +427,7 @@ fn a_silence_without_a_timely_restart_is_a_violation() {
         log.events.last_mut().unwrap().at = over;
         assert_eq!(found(&log), violations, "{cycles}");
     }
-    // A DPR that hangs is restarted within 100 ms, and another rule judges that.
+    // Another rule judges that the watchdog restarts a hung DPR within 100 ms.
     let first = log.events[repeats(&log)[10]].at;
     for (silence, violations) in [(120 * MS, vec![]), (140 * MS, vec![(Silent, 1)])] {
         let mut log = log.clone();
@@ -454,7 +455,7 @@ fn the_dpr_may_hold_its_buffers_once_an_image_has_expired() {
     plan.selects.retain(|selected| !(from + 20 * MS..from + 39 * MS).contains(selected));
     let log = plan.log();
     assert_eq!(found(&log), []);
-    // The image may expire as early as the DPR's fastest clock allows, but no earlier.
+    // The DPR's clock may be fast, so the image may expire `bounds::EXPIRY_EARLIEST` after FRESH, but no earlier.
     for (after, violations) in [(bounds::EXPIRY_EARLIEST, vec![]), (bounds::EXPIRY_EARLIEST - 1, vec![(HeldBack, 1)])] {
         let log = moved(&log, from + bounds::EXPIRY, from + after, &[SsiEvent::Held]);
         assert_eq!(found(&log), violations, "{after}");
@@ -545,7 +546,7 @@ fn a_runaway_flight_controller_must_be_served_up_to_the_budget() {
             let what = What::Transaction { selected: at, mosi: vec![0; 8].into(), miso: vec![0xFF; 156].into() };
             insert(&mut log, at + 160_000, what);
         }
-        // The first transaction with this image read the profile that is forwarded here.
+        // The flight controller forwards the profile of the image after the first transaction that reads the image.
         let profile = image[32..].to_vec();
         log.events.retain(|event| match &event.what {
             What::Forwarded { profile: other } | What::Arrived { profile: other, .. } => **other != *profile,
@@ -591,7 +592,7 @@ fn a_silence_before_a_restart_may_last_expiry_plus_start() {
     }
 }
 
-/// Returns whether a DPR that never becomes ready is reported.
+/// Returns whether the judge reports a DPR that never becomes ready.
 fn never_ready(events: impl IntoIterator<Item = (u64, What)>) -> bool {
     let mut log = Plan::new(3, 0).log();
     log.events.clear();
@@ -605,11 +606,12 @@ fn a_dpr_selected_for_over_a_cycle_need_not_get_ready() {
         |selected: u64| What::Transaction { selected, mosi: vec![0; 96].into(), miso: vec![0xFF; 96].into() };
     let due = bounds::START;
     for (longer, blamed) in [(0, true), (1, false)] {
-        // The DPR is still selected at the end of the time for its start, and a little longer.
+        // The flight controller keeps the DPR selected until after the longest time for the DPR's start.
         let began = due + 1 - CYCLE - longer;
         let selected = [(began, What::Selected), (due + 1, What::Tick), (due + MS, What::End)];
         assert_eq!(never_ready(selected), blamed, "selected, {longer}");
-        // The DPR was deselected just before the end of the time for its start, and needs [`bounds::SSI_READY`] more.
+        // Chip select rose just before the end of the time for the DPR's start. The DPR has [`bounds::SSI_READY`] from
+        // then on.
         let ended = due - 5_000;
         let began = ended - CYCLE - longer;
         let let_go = |after: u64| {
@@ -665,17 +667,17 @@ fn a_dpr_that_restarts_while_selected_may_hold_its_buffers() {
 
 #[test]
 fn a_restart_of_the_dpr_keeps_supply_violations_and_figures() {
-    // A reset of a DPR that has no supply has no effect.
+    // A reset of a DPR without a supply has no effect.
     let power = |on| What::Power { board: Board::Dpr, on };
     let mut log = restarted(250 * MS, BACK + 10 * CYCLE, &[power(false)]);
     insert(&mut log, 260 * MS, dpr_reset(true));
     insert(&mut log, 440 * MS, power(true));
     assert_eq!(found(&log), []);
-    // A restart while no transactions are made does not cause a second violation.
+    // A restart in a period without transactions causes no second violation.
     let mut log = without_transactions(251 * MS, 450 * MS).log();
     insert(&mut log, 400 * MS, dpr_reset(true));
     assert_eq!(found(&log), [(NoTransaction, 1)]);
-    // The figure may have been measured before the restart.
+    // The longest time until the DPR is ready may have been measured before its restart.
     let log = restarted(250 * MS, BACK, &[dpr_reset(true)]);
     let place = repeats(&log)[10];
     let ended = log.events[place].at;
@@ -712,8 +714,8 @@ fn a_transaction_must_be_served_while_an_image_is_readable() {
     };
     let (log, _) = nothing();
     assert!(is_unserved(&log) && !is_unserved(&Plan::new(3, 40).log()));
-    // FRESH announces an image that is already readable a second time, `apart` before a transaction. The judge must say
-    // that the transaction was not served only if the DPR had longer than its bound.
+    // FRESH rises again, `apart` before a transaction, for an image that is already readable. The transaction finds the
+    // DPR busy, which is a violation if `apart` is longer than `bounds::SSI_READY`.
     for (apart, unserved) in [(bounds::SSI_READY, false), (bounds::SSI_READY + 1, true)] {
         for within in [false, true] {
             let (mut log, selected) = nothing();

@@ -10,9 +10,9 @@ use emulator_node::{Board, Input};
 /// The SSI's wires at the DPR.
 pub const SSI: SpisWires =
     SpisWires { sck: Pin::new(1, 1), mosi: Pin::new(1, 2), miso: Pin::new(1, 3), csn: Pin::new(1, 4) };
-/// The pin on which the DPR announces a new image.
+/// The pin FRESH, by which the DPR announces a new image.
 pub const FRESH: Pin = Pin::new(1, 5);
-/// The wires of a front end on an nRF52840-DK: HORUS's at the DPR, and the hold's own.
+/// The wires of a front end on an nRF52840-DK: that of the DPR for HORUS, and the hold's own.
 pub(super) const NRF_FRONT_END: Wires = Wires {
     sck: Pin::new(1, 15),
     mosi: Pin::new(1, 13),
@@ -20,7 +20,7 @@ pub(super) const NRF_FRONT_END: Wires = Wires {
     cs: Pin::new(1, 12),
     irq: Pin::new(0, 3),
 };
-/// The wires of the DPR's second front end, which answers the hold.
+/// The wires of the DPR's second front end, which receives from the hold and answers.
 const HOLD_PORT: Wires = Wires {
     sck: Pin::new(1, 8),
     mosi: Pin::new(1, 7),
@@ -31,7 +31,7 @@ const HOLD_PORT: Wires = Wires {
 /// The DPR's board.
 #[derive(Clone, Debug)]
 pub struct Dpr {
-    /// The front end that hears HORUS.
+    /// The front end that receives frames of HORUS.
     pub front_end: FrontEnd,
     /// The front end that answers the hold; `None` without a hold.
     pub hold_port: Option<FrontEnd>,
@@ -41,7 +41,7 @@ pub struct Dpr {
 }
 
 impl Dpr {
-    /// Returns the DPR's board with its SSI deselected. With `watched` the front end's bus traffic is recorded.
+    /// Returns the DPR's board with its SSI deselected. If `watched`, the traffic on the front end's bus is recorded.
     #[must_use]
     pub fn new(chip: Chip, watched: bool) -> Self {
         Self {
@@ -53,7 +53,7 @@ impl Dpr {
         }
     }
 
-    /// Returns this board with a second front end, whose chip answers a hold.
+    /// Returns the board with a second front end of this chip, which answers a hold.
     #[must_use]
     pub fn with_hold_port(self, chip: Chip) -> Self {
         Self { hold_port: Some(FrontEnd::new(chip, HOLD_PORT, false)), ..self }

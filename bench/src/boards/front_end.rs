@@ -1,6 +1,6 @@
 //! The ST25R3916 on a board: the chip's model, wired to the SPI of a microcontroller.
 //!
-//! The levels of the microcontroller's pins determine what the chip receives: without a clock on the wired pin it
+//! The levels of the microcontroller's pins determine what the chip receives. Without a clock on the wired pin it
 //! receives nothing, and a wrong clock polarity or phase shifts the bits.
 
 use emulator_part::{Pad, Pin, SpiFrame, SpiMode};
@@ -10,18 +10,18 @@ use crate::faults::chip::{ChipFault, ChipFaults};
 use crate::faults::{Emission, FrontEndFault, RegisterBit};
 use emulator_node::Input;
 
-/// One byte or edge on the wires between the part and the chip.
+/// One byte or edge on the wires between the microcontroller and the chip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Crossing {
     /// Chip select fell (`true`) or rose.
     Select(bool),
     /// A byte to the chip and the byte from the chip, recorded at the end of their eighth clock.
     Byte(u8, u8),
-    /// The chip's interrupt output rose (`true`), or fell within the byte at whose end the fall is recorded.
+    /// The chip's interrupt output rose (`true`) or fell. A fall is recorded at the end of the byte in which it occurs.
     Irq(bool),
 }
 
-/// The microcontroller's pins that the chip is wired to.
+/// The microcontroller's pins that are wired to the chip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Wires {
     /// SCK, the clock.
@@ -36,7 +36,7 @@ pub struct Wires {
     pub irq: Pin,
 }
 
-/// The front end of a board: the chip, the wires to the chip, and the recorded traffic on them.
+/// The front end of a board: the chip, its wires, and the recorded traffic on them.
 #[derive(Clone, Debug)]
 pub struct FrontEnd {
     chip: Chip,
@@ -49,7 +49,7 @@ pub struct FrontEnd {
 }
 
 impl FrontEnd {
-    /// Returns a powered front end. With `watched` the bus traffic is recorded for [`FrontEnd::take_crossings`].
+    /// Returns a powered front end. If `watched`, the traffic on its bus is recorded for [`FrontEnd::take_crossings`].
     #[must_use]
     pub fn new(chip: Chip, wires: Wires, watched: bool) -> Self {
         let emission = Emission::new(chip.config().seed);
@@ -114,7 +114,7 @@ impl FrontEnd {
         }
     }
 
-    /// Whether the antenna has emitted an event that [`FrontEnd::take_air`] has not taken yet.
+    /// Whether the antenna has emitted an event that [`FrontEnd::take_air`] has yet to take.
     #[must_use]
     pub fn has_air(&self) -> bool {
         self.chip.has_air() || self.emission.next_at() <= self.chip.now()
@@ -128,15 +128,16 @@ impl FrontEnd {
         std::iter::from_fn(|| emission.take(chip.now())).collect()
     }
 
-    /// Passes `event` of the air to the antenna at `at` (ns), which must not be before the chip's present time.
+    /// Passes `event` of the air to the antenna at `at` (ns), which must not be before the instant that the chip has
+    /// reached.
     pub fn hear(&mut self, at: u64, event: &AirEvent) {
         self.with(|chip| chip.hear(at, event));
     }
 
-    /// The next instant, ns, at which the chip acts without an input or its antenna emits a delayed event.
+    /// The next instant, ns, at which the chip acts by itself or its antenna emits a delayed event.
     #[must_use]
     pub fn next_event(&self) -> u64 {
-        // The bench takes the antenna's events up to the present before it advances time.
+        // The antenna's earlier events need no wake-up, because the bench takes them before it advances time.
         let held_back = Some(self.emission.next_at()).filter(|at| *at > self.chip.now());
         self.chip.next_event().unwrap_or(u64::MAX).min(held_back.unwrap_or(u64::MAX))
     }
@@ -163,14 +164,14 @@ impl FrontEnd {
         note(&mut self.crossings, at, Crossing::Select(selected));
     }
 
-    /// Whether the part clocks `frame` on the wire of this front end.
+    /// Whether the part clocks `frame` on the SCK wire of this front end.
     #[must_use]
     pub fn is_clocked_by(&self, frame: &SpiFrame) -> bool {
         frame.sck.contains(&Some(self.wires.sck))
     }
 
-    /// Clocks an SPI frame of the part from `begins` to `ends` (ns). Returns the bits that MISO carried, or `None`
-    /// where the chip does not drive MISO or drives another pin than the one that the part reads.
+    /// Clocks an SPI frame of the part from `begins` to `ends` (ns). Returns the bits on MISO. Returns `None` if the
+    /// chip does not drive MISO, or drives another pin than the part reads.
     pub fn spi(&mut self, begins: u64, ends: u64, frame: &SpiFrame) -> Option<u32> {
         let Wires { mosi, miso, .. } = self.wires;
         if !self.chip.is_selected() || !self.is_clocked_by(frame) {
@@ -183,7 +184,8 @@ impl FrontEnd {
             SpiMode::Mode3 => st25r3916_model::SpiMode::Mode3,
         };
         // The chip's pull-down holds an undriven MOSI low.
-        let mosi = if frame.mosi.contains(&Some(mosi)) { frame.data } else { 0 };
+        let [to_chip, from_chip] = self.faults.glitch();
+        let mosi = if frame.mosi.contains(&Some(mosi)) { frame.data } else { 0 } ^ to_chip;
         let clocked = st25r3916_model::SpiFrame { begins_ns: begins, ends_ns: ends, mode, bits: frame.bits, mosi };
         let Self { chip, crossings, .. } = self;
         let answer = chip.clock_frame(&clocked, |chip, at, taken, given| {
@@ -191,12 +193,12 @@ impl FrontEnd {
             note(crossings, at, Crossing::Byte(taken, given));
         });
         note_irq(&mut self.chip, &mut self.crossings);
-        let answer = (frame.miso == Some(miso)).then_some(answer);
+        let answer = (frame.miso == Some(miso)).then_some(answer).map(|answer| answer ^ from_chip);
         self.faults.miso(answer)
     }
 
-    /// Returns each rise of chip select, ns, after a transmit command since the last call. At that edge the chip
-    /// carries out the command, so the edge is the last instant that the firmware controls.
+    /// Returns when chip select rose after each transmit command since the last call, ns. The chip carries out the
+    /// command at that edge, which is the last instant that the firmware controls.
     pub fn take_transmits(&mut self) -> Vec<u64> {
         let mut transmits = self.chip.take_transmits();
         transmits.extend(self.emission.take_commands());
@@ -215,7 +217,8 @@ fn note(crossings: &mut Option<Vec<(u64, Crossing)>>, at: u64, crossing: Crossin
     }
 }
 
-/// Records the edges of the chip's interrupt output, which may be earlier than the chip's present time.
+/// Records the edges of the chip's interrupt output. Their instants may be earlier than the instant that the chip has
+/// reached.
 fn note_irq(chip: &mut Chip, crossings: &mut Option<Vec<(u64, Crossing)>>) {
     if chip.has_irq_edges() {
         for edge in chip.take_irq_edges() {

@@ -12,13 +12,13 @@ use emulator_node::{Board, Input};
 /// The I2C bus, which has pull-ups.
 const SDA: Pin = Pin::new(0, 26);
 const SCL: Pin = Pin::new(0, 27);
-/// The outputs. Drivers with pull-downs switch heater and cooler, so an undriven pin is off.
+/// The hold's outputs. Drivers with pull-downs switch heater and cooler, so that an undriven pin is off.
 const HEATER: Pin = Pin::new(1, 5);
 const COOLER: Pin = Pin::new(1, 6);
 /// The lock's actuator keeps its state while the pin is not driven.
 const LOCK: Pin = Pin::new(1, 7);
 
-/// The levels of the outputs.
+/// The levels of the hold's outputs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Outputs {
     /// Whether the heater is on.
@@ -32,19 +32,19 @@ pub struct Outputs {
 /// The hold's board.
 #[derive(Clone, Debug)]
 pub struct Hold {
-    /// The front end.
+    /// The hold's front end.
     pub front_end: FrontEnd,
-    /// Box, vibration and sensors.
+    /// The payload: box, vibration and sensors.
     pub payload: Payload,
-    /// The level of SDA that was last passed to the part; `None` before the first.
+    /// The last level of SDA that the part has received; `None` before the first.
     sda: Option<bool>,
     outputs: Outputs,
-    /// The changes of the lock since they were last taken, each with its instant, ns.
+    /// The changes of the lock's pin since the last call that took them, each with its instant, ns.
     locked: Vec<(u64, bool)>,
 }
 
 impl Hold {
-    /// Returns the hold's board, whose payload is drawn from `seed`.
+    /// Returns the hold's board with a payload that is drawn from `seed`.
     #[must_use]
     pub fn new(chip: Chip, seed: u64) -> Self {
         Self {
@@ -56,13 +56,13 @@ impl Hold {
         }
     }
 
-    /// The present levels of the outputs.
+    /// The present levels of the hold's outputs.
     #[must_use]
     pub fn outputs(&self) -> Outputs {
         self.outputs
     }
 
-    /// Takes the changes of the lock since the last call, each with its instant, ns.
+    /// Takes the changes of the lock's pin since the last call, each with its instant, ns.
     pub fn take_locked(&mut self) -> Vec<(u64, bool)> {
         std::mem::take(&mut self.locked)
     }

@@ -21,9 +21,9 @@ const INPUT_PINS: [[Pin; 2]; INPUTS] =
 
 #[derive(Clone, Copy, Debug)]
 struct StateInput {
-    /// The levels of the input's two pins: first the pin that is high while the input is active.
+    /// The levels of the input's two pins. The first is high while the input is active.
     levels: (bool, bool),
-    /// The next change of a chattering contact, and the interval between two changes, ns.
+    /// If the contact chatters: the instant of the next change, and the time between two changes, ns.
     chatters: Option<(u64, u64)>,
 }
 
@@ -52,12 +52,12 @@ pub struct Horus {
     ticks: Vec<u64>,
     inputs: [StateInput; INPUTS],
     input_changes: Vec<InputChange>,
-    /// The indices of the inputs whose new levels are still to be passed on.
+    /// The indices of the inputs whose new levels the part has yet to receive.
     untold: Vec<usize>,
 }
 
 impl Horus {
-    /// Returns HORUS's board with `receivers` silent receivers. With `watched` the front end's traffic is recorded.
+    /// Returns HORUS's board with `receivers` silent receivers. If `watched`, the front end's traffic is recorded.
     #[must_use]
     pub fn new(chip: Chip, receivers: usize, watched: bool) -> Self {
         Self {
@@ -72,7 +72,7 @@ impl Horus {
         }
     }
 
-    /// Applies `says` to state input `input` from `at` (ns) on; `None` makes the input inactive.
+    /// Makes state input `input` behave as `says` from `at` (ns) on; `None` makes the input inactive.
     pub fn set_input(&mut self, at: u64, input: usize, says: Option<InputFault>) {
         let Some(state) = self.inputs.get_mut(input) else { return };
         state.chatters = match says {
@@ -93,8 +93,8 @@ impl Horus {
         std::mem::take(&mut self.input_changes)
     }
 
-    /// Passes `bytes` to the interface of receiver `index` (from 0) at `at` (ns). Returns the instant, ns, at which a
-    /// UART sends the first of them. On a bus they can be read from `at` on.
+    /// Passes `bytes` to receiver `index` (from 0), which sends them from `at` (ns) on over a UART, or offers them from
+    /// then on over a bus. Returns the instant, ns, at which a UART begins the first byte.
     pub fn say(&mut self, at: u64, index: usize, bytes: &[u8]) -> u64 {
         let frames = bytes.iter().map(|&byte| UartFrame::eight_n_one(byte, GNSS_BAUD));
         self.receivers.offer(at, index, bytes);
@@ -113,7 +113,7 @@ impl Board for Horus {
     fn pin(&mut self, at: u64, pin: Pin, pad: Pad) {
         if pin == TICK && pad.level() != self.tick {
             self.tick = pad.level();
-            // A reset releases the pin, which also changes its level but is not a tick.
+            // TICK is driven low at each tick. A reset only releases the pin, which is no tick.
             if pad == Pad::Driven(false) {
                 self.ticks.push(at);
             }

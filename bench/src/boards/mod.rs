@@ -1,4 +1,4 @@
-//! The boards: what is wired to each part.
+//! The boards: a microcontroller with everything that is wired to it.
 //!
 //! | | HORUS: NUCLEO-F429ZI | DPR: nRF52840-DK |
 //! |---|---|---|

@@ -17,7 +17,7 @@ pub trait Powered: Board {
     /// The board's front end.
     fn front_end(&mut self) -> &mut FrontEnd;
 
-    /// Switches the supply of all chips beside the part on or off at `at` (ns).
+    /// Switches the supply of all chips beside the microcontroller on or off at `at` (ns).
     fn supply_chips(&mut self, at: u64, on: bool) {
         self.front_end().supply(at, on);
     }
@@ -28,6 +28,9 @@ pub trait Powered: Board {
     /// Makes the board's crystal work (`works`) or fail from now on.
     fn crystal<C: Cost>(node: &mut Node<Self, C>, works: bool);
 
+    /// Makes the microcontroller's crystals faster by `ppb` parts per billion from now on.
+    fn drift<C: Cost>(node: &mut Node<Self, C>, ppb: i64);
+
     /// Whether the firmware of `part` can only wait for the watchdog after a reset.
     fn cannot_start(part: &Self::Part) -> bool;
 }
@@ -37,6 +40,10 @@ const CRYSTAL_STARTS: u64 = 360_000;
 impl Powered for Horus {
     fn crystal<C: Cost>(node: &mut Node<Self, C>, works: bool) {
         node.input(|part, view, at| if works { part.restore_hse(at, view) } else { part.fail_hse(at, view) });
+    }
+
+    fn drift<C: Cost>(node: &mut Node<Self, C>, ppb: i64) {
+        node.input(|part, view, at| part.drift_hse(at, ppb, view));
     }
 
     /// The DPR always starts, because its firmware uses the internal oscillator if the crystal does not start.
@@ -56,6 +63,10 @@ impl Powered for Horus {
 impl Powered for Dpr {
     fn crystal<C: Cost>(node: &mut Node<Self, C>, works: bool) {
         node.input(|part, _, _| part.set_hfxo_startup(works.then_some(CRYSTAL_STARTS)));
+    }
+
+    fn drift<C: Cost>(node: &mut Node<Self, C>, ppb: i64) {
+        node.input(|part, view, at| part.drift(at, ppb, view));
     }
 
     fn cannot_start(part: &Self::Part) -> bool {
@@ -81,6 +92,10 @@ impl Powered for Dpr {
 impl Powered for Hold {
     fn crystal<C: Cost>(node: &mut Node<Self, C>, works: bool) {
         node.input(|part, _, _| part.set_hfxo_startup(works.then_some(CRYSTAL_STARTS)));
+    }
+
+    fn drift<C: Cost>(node: &mut Node<Self, C>, ppb: i64) {
+        node.input(|part, view, at| part.drift(at, ppb, view));
     }
 
     fn cannot_start(part: &Self::Part) -> bool {
@@ -113,7 +128,7 @@ impl PowerFault {
             }
             Self::CrystalDead => B::crystal(node, false),
             Self::FrontEndOff => supply_front_end(node, false),
-            // Each voltage of a sag is applied later as an event of its own.
+            // The voltages of a sag are applied later, each as an event of its own.
             Self::Sag(_) => {}
             Self::Pin => node.restart(FromOutside::Pin),
             Self::BrownOut => node.restart(FromOutside::BrownOut),
@@ -129,7 +144,7 @@ impl PowerFault {
                 node.power_on(seed);
             }
             Self::CrystalDead => B::crystal(node, true),
-            // The front end stays without supply while the whole board has none.
+            // The front end stays without supply for as long as the whole board does.
             Self::FrontEndOff if node.is_powered() => supply_front_end(node, true),
             Self::Sag(seed) => supply(node, RAILS_UV[0], seed),
             Self::FrontEndOff | Self::Pin | Self::BrownOut | Self::Watchdog => {}

@@ -12,9 +12,9 @@ use emulator_node::{Board, Error, Node};
 /// A kind of the DPR's buffers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Buffers {
-    /// The buffers into which frames are received.
+    /// The DPR's buffers for received frames.
     Receive,
-    /// The buffers from which the SSI reads images.
+    /// The DPR's buffers for images, which the SSI reads.
     Image,
 }
 

@@ -1,10 +1,12 @@
 //! Faults of a front-end chip, or of a line between it and its board.
 //!
-//! [`crate::boards::front_end::FrontEnd`] applies these faults. A fault does not change the chip's state, and the rest
+//! [`crate::boards::front_end::FrontEnd`] applies these faults. A fault leaves the chip's state as it is, and the rest
 //! of the chip works.
 
 use bench_judge::disturbance::Harm;
 use st25r3916_model::{Chip, Space, Withheld};
+
+use super::Rng;
 
 /// A fault of either board's front end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,10 +23,17 @@ pub enum ChipFault {
     ReadsOnes,
     /// Every bit that the board reads from the chip is 0.
     ReadsZeros,
+    /// One byte in [`GLITCH_EVERY`] on average has a flipped bit, on its way to the chip or from it. The number is the
+    /// seed.
+    Glitches(u64),
 }
 
+/// The average number of bytes on the SPI for each glitch. The boards exchange about 260 bytes with a front end in a
+/// cycle, so about one cycle in four has one.
+pub const GLITCH_EVERY: u64 = 1024;
+
 impl ChipFault {
-    /// All faults of a front end's chip.
+    /// All faults of a front end's chip but the glitches of its SPI.
     pub const ALL: [Self; 6] =
         [Self::IrqLow, Self::IrqHigh, Self::NoInterrupts, Self::NoFrameEnds, Self::ReadsOnes, Self::ReadsZeros];
 
@@ -38,20 +47,21 @@ impl ChipFault {
             Self::NoFrameEnds => "without frame ends",
             Self::ReadsOnes => "reads ones",
             Self::ReadsZeros => "reads zeros",
+            Self::Glitches(_) => "SPI glitches",
         }
     }
 
-    /// What the board can observe of the fault. A line that stays low, or a missing interrupt, looks like an idle chip.
+    /// The effect that the board can observe. A line that stays low, or a missing interrupt, looks like an idle chip.
     #[must_use]
     pub const fn harm(self) -> Harm {
         match self {
             Self::IrqHigh | Self::ReadsOnes | Self::ReadsZeros => Harm::Silent,
-            Self::IrqLow | Self::NoInterrupts | Self::NoFrameEnds => Harm::Deaf,
+            Self::IrqLow | Self::NoInterrupts | Self::NoFrameEnds | Self::Glitches(_) => Harm::Deaf,
         }
     }
 }
 
-/// The time, ns, within which the board reports the flip of a register's bit, if the flip has an effect.
+/// The time, ns, within which the board must report a flipped bit of a register, if the flip has an effect.
 pub const FLIP_MENDED: u64 = 1_350_000_000;
 
 /// A bit of a register of a front end's chip.
@@ -88,12 +98,16 @@ impl RegisterBit {
 #[derive(Clone, Debug, Default)]
 pub struct ChipFaults {
     present: Vec<ChipFault>,
+    glitches: Option<Rng>,
 }
 
 impl ChipFaults {
     /// Begins `fault`.
     pub fn begin(&mut self, fault: ChipFault) {
         self.present.push(fault);
+        if let ChipFault::Glitches(seed) = fault {
+            self.glitches = Some(Rng::new(seed));
+        }
     }
 
     /// Ends `fault`.
@@ -101,13 +115,16 @@ impl ChipFaults {
         if let Some(place) = self.present.iter().position(|other| *other == fault) {
             self.present.remove(place);
         }
+        if let ChipFault::Glitches(_) = fault {
+            self.glitches = None;
+        }
     }
 
     fn last<T>(&self, of: impl Fn(ChipFault) -> Option<T>) -> Option<T> {
         self.present.iter().rev().find_map(|fault| of(*fault))
     }
 
-    /// The level of the interrupt line while the chip drives `level`.
+    /// Returns the level of the chip's interrupt line, which is `level` without these faults.
     #[must_use]
     pub fn irq(&self, level: bool) -> bool {
         let stuck = self.last(|fault| match fault {
@@ -116,6 +133,16 @@ impl ChipFaults {
             _ => None,
         });
         stuck.unwrap_or(level)
+    }
+
+    /// Returns the bits that a glitch flips in the next byte, on its way to the chip and from it.
+    pub fn glitch(&mut self) -> [u32; 2] {
+        let Some(rng) = self.glitches.as_mut() else { return [0, 0] };
+        if !rng.one_in(GLITCH_EVERY) {
+            return [0, 0];
+        }
+        let bit = 1 << rng.below(8);
+        if rng.one_in(2) { [bit, 0] } else { [0, bit] }
     }
 
     /// The byte that the board reads while the chip drives `answer`; `None` if nothing drives the line.

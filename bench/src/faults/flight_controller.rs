@@ -1,8 +1,8 @@
 //! A flight controller's misuses of the SSI.
 //!
-//! The DPR must withstand all of these misuses: no frame is lost, and a flight controller that follows the rules of
+//! The DPR must withstand all of these misuses. No frame is lost, and a flight controller that follows
 //! docs/design.md#ssi again is served again. Times are by the flight controller's clock. Unless stated otherwise, a
-//! transaction uses SPI mode 0 at 8 MHz with the times of that section, and MOSI carries zeros.
+//! transaction uses SPI mode 0 at 8 MHz with the design's times, and MOSI carries zeros.
 
 use bench_judge::disturbance;
 use emulator_part::SpiMode;
@@ -12,7 +12,8 @@ use emulator_part::SpiMode;
 pub enum Conduct {
     /// The flight controller clocks one byte per transaction and pauses for only 1 µs: 200 000 transactions a second.
     Hammers,
-    /// The flight controller selects and deselects the DPR without a clock, with the gap: 77 000 times a second.
+    /// The flight controller selects and deselects the DPR 77 000 times a second without a clock, with the required gap
+    /// between.
     ZeroBytes,
     /// The flight controller keeps the DPR selected without a clock until the episode's end.
     Hangs,
@@ -31,7 +32,7 @@ pub enum Conduct {
     /// The flight controller reads the whole image once in each control cycle, with noise on MOSI throughout.
     RandomBytes,
     /// The flight controller reads 96 bytes in each control cycle. It requests windows that do not exist, sends half of
-    /// a request, or sends noise in place of a request and an uplink object.
+    /// a request, or sends noise in place of request and uplink object.
     Lies,
     /// The flight controller reads the whole image in each control cycle and always sends the same uplink object.
     ReplaysUplink,

@@ -30,7 +30,8 @@ pub enum FrontEndFault {
     SelectLate(u64),
 }
 
-/// The time from a repeated transmit command to its frame, ns: the mean of the times in recordings.
+/// The time from a transmit command to its frame, if a fault repeats the command, ns. It is the mean of recordings of
+/// the chip.
 pub const COMMAND_TO_FRAME_NS: u64 = 4_000;
 
 impl FrontEndFault {
@@ -50,7 +51,8 @@ impl FrontEndFault {
     }
 }
 
-/// Removes the last byte of payload of a frame of `whole` bytes, whose first byte already gives the shorter length.
+/// Removes the last byte of payload from `data`, a frame of `whole` bytes, and corrects its CRC. LEN is already
+/// shorter.
 fn shorten(data: &mut Vec<u8>, whole: usize) {
     data.truncate(whole - 3);
     let crc = nfc_f(data);
@@ -61,26 +63,26 @@ fn shorten(data: &mut Vec<u8>, whole: usize) {
 struct Sending {
     start: FrameStart,
     late: u64,
-    /// Whether the end of the frame has left the antenna, so that the chip's own end is ignored.
+    /// Whether the frame's end has already left the antenna, so that the chip's own end of the frame is ignored.
     ended: bool,
     lost: bool,
-    /// The frame's original length, bytes, if its last byte of payload is to be removed once all bytes are known.
+    /// The frame's original length, bytes, if its last byte of payload must be removed when all bytes are known.
     shortened: Option<usize>,
 }
 
-/// The events of a chip that leave the antenna. The [module](self) describes it.
+/// Turns the events of a chip into those that leave the antenna. The [module](self) describes it.
 #[derive(Clone, Debug)]
 pub struct Emission {
     noise: Rng,
     faults: Vec<FrontEndFault>,
     sending: Option<Sending>,
     leaving: VecDeque<(u64, AirEvent)>,
-    /// The instants, ns, of transmit commands that the firmware did not give.
+    /// The instants, ns, at which the chip received transmit commands that the firmware did not give.
     commands: Vec<u64>,
 }
 
 impl Emission {
-    /// Returns the emission of a sound front end. `seed` determines all random values.
+    /// Returns the emission of a front end without faults. `seed` determines all random values.
     #[must_use]
     pub const fn new(seed: u64) -> Self {
         Self { noise: Rng::new(seed), faults: vec![], sending: None, leaving: VecDeque::new(), commands: vec![] }
@@ -171,13 +173,13 @@ impl Emission {
             .sum();
         let data = &mut start.chunk.data;
         let mut bits = None;
-        // The frame's first byte, LEN, counts itself and the payload but not the two bytes of CRC.
+        // LEN, the frame's first byte, counts itself and the payload but not the two bytes of CRC.
         let whole = data.first().map_or(0, |len| usize::from(*len) + 2);
         let mut shortened = None;
         if self.faults.contains(&FrontEndFault::Shortened) && whole > 4 {
             data[0] -= 1;
             bits = Some(8 * (whole as u64 - 1));
-            // The chip loads a frame's last bytes while it sends, so they may not be known yet.
+            // The chip loads a frame's last bytes only while it sends, so the bench may not know them yet.
             if data.len() >= whole {
                 shorten(data, whole);
             } else {
@@ -189,7 +191,8 @@ impl Emission {
         }
         if let (Some(bits), false) = (bits, lost) {
             let air = u64::from(start.header_bits) + bits / 8 * u64::from(start.byte_bits) + bits % 8;
-            // Two divisions convert attoseconds to nanoseconds without overflow; a bit takes about 2.4 µs.
+            // The division is split in two, so that attoseconds become nanoseconds without overflow; a bit takes about
+            // 2.4 µs.
             let ends = at + late + air * (start.bit_as / 1_000_000) / 1_000;
             self.leave(ends, AirEvent::FrameEnd { bits: u32::try_from(bits).unwrap_or(u32::MAX) });
         }
@@ -226,7 +229,7 @@ impl Emission {
         self.leaving.pop_front_if(|(at, _)| *at <= now)
     }
 
-    /// Takes the instants (ns) of transmit commands that the firmware did not give. They may be in the future.
+    /// Takes the instants (ns) of transmit commands that the firmware did not give. An instant may be in the future.
     pub fn take_commands(&mut self) -> Vec<u64> {
         std::mem::take(&mut self.commands)
     }
@@ -239,7 +242,7 @@ mod tests {
     use super::*;
 
     const MS: u64 = 1_000_000;
-    /// The duration of a bit in these tests, ns: a round number instead of the 2.36 µs of 424 kbit/s.
+    /// The duration of a bit in these tests, ns. It is a round number in place of the 2.36 µs of 424 kbit/s.
     const BIT_NS: u64 = 2_000;
 
     fn frame() -> FrameStart {
@@ -260,7 +263,7 @@ mod tests {
     const BITS: u32 = 8 * 13;
     const AIR_NS: u64 = (64 + BITS as u64) * BIT_NS;
 
-    /// Sends a frame at 1 ms through a front end with `faults`; returns what leaves the antenna until `until`.
+    /// Sends a frame at 1 ms through a front end with `faults`. Returns what leaves the antenna until `until`.
     fn leaves(faults: &[FrontEndFault], until: u64) -> (Vec<(u64, AirEvent)>, Vec<u64>) {
         let mut emission = Emission::new(1);
         faults.iter().for_each(|fault| emission.begin(0, *fault, false));

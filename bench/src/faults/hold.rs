@@ -18,14 +18,14 @@ pub enum Sensor {
     Vibration,
 }
 
-/// What a hostile hold sends instead of its own frames.
+/// Transmissions of a hostile sender in place of the hold's own frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Hostile {
     /// Frames of random bytes with right CRC-16, one after the other.
     Random,
     /// Frames that HORUS has sent, one after the other.
     Horus,
-    /// Frames of the length of Hold-Status, and of lengths about it, whose LEN or end is wrong.
+    /// Frames with a wrong LEN or a wrong end, about as long as Hold-Status.
     Lengths,
     /// A carrier without frames.
     Carrier,
@@ -33,56 +33,56 @@ pub enum Hostile {
     Blinks,
 }
 
-/// What does not happen as the log says, so that the judge has to report it. No such fault is drawn.
+/// A difference between the run and its log, which the judge has to report. `--faults` draws no such fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Break {
     /// The hold's antenna sends no frames.
     Mute,
-    /// The DPR's second front end hears none of the frames that come to its antenna.
+    /// The DPR's second front end receives none of the frames at its antenna.
     PortDeaf,
     /// The antenna of the DPR's second front end sends no answers.
     PortMute,
-    /// The hold's front end hears none of the answers that come to its antenna.
+    /// The hold's front end receives none of the answers at its antenna.
     Deaf,
-    /// The uplinks in the DPR's answers are other ones.
+    /// The DPR's answers have other uplinks than those that were written.
     Uplinks,
-    /// The set-point in the hold's objects is another one.
+    /// The hold's objects have another set-point than the one that was commanded.
     SetPoint,
     /// The lock's pin has the opposite level.
     Lock,
-    /// A chip beside the hold's part is used against its data sheet.
+    /// The firmware of the hold uses one of the board's chips against its data sheet.
     Misuse,
 }
 
 /// A fault of the hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum HoldFault {
-    /// The way of the hold's frames to the DPR.
+    /// A fault of the air from the hold to the DPR.
     Frames(AirFaults),
-    /// The way of the DPR's answers to the hold.
+    /// A fault of the air from the DPR to the hold.
     Answers(AirFaults),
-    /// A card in the field of the hold answers as well.
+    /// A card in the hold's field answers in addition to the DPR.
     Foreign(ForeignCard),
-    /// The hold's supply or reset pin.
+    /// A fault of the hold's supply or reset pin.
     Power(PowerFault),
     /// The hold's core executes nothing until its watchdog resets it.
     Hang,
-    /// Something else sends in the place of the hold; the seed determines its bytes.
+    /// A hostile sender transmits in place of the hold; the seed determines its bytes.
     Hostile(Hostile, u64),
     /// A sensor does not answer.
     Silent(Sensor),
     /// A sensor sends random bytes; the seed determines them.
     Lies(Sensor, u64),
-    /// SDA of the sensors' bus is held low.
+    /// SDA of the sensors' bus stays low.
     BusStuck,
-    /// Each of the DPR's antennas also hears what is meant for the other one.
+    /// Each pair of antennas at the DPR also receives what is meant for the other pair.
     Crosstalk,
-    /// Something does not happen as the log says.
+    /// The run differs from its log in this respect.
     Broken(Break),
 }
 
 impl HoldFault {
-    /// Every fault, so strong that an episode of average length has visible effects.
+    /// Returns every fault, strong enough to be visible in an episode of average length.
     pub(super) fn all(rng: &mut Rng) -> Vec<Self> {
         let none = AirFaults::default();
         let ways = [
@@ -126,7 +126,7 @@ impl HoldFault {
         }
     }
 
-    /// What of the link the fault disturbs.
+    /// The part of the link that the fault disturbs.
     #[must_use]
     pub const fn disturbs(&self) -> Disturbance {
         match self {
@@ -141,18 +141,18 @@ impl HoldFault {
     }
 }
 
-/// What is on the air in the place of the hold.
+/// A hostile sender on the air in place of the hold.
 #[derive(Clone, Debug)]
 pub struct Impostor {
     hostile: Hostile,
     rng: Rng,
-    /// The events to come, each with its instant, ns, in order of time.
+    /// The events that the sender will emit, each with its instant, ns, in order of time.
     planned: std::collections::VecDeque<(u64, AirEvent)>,
     carrier: bool,
 }
 
 impl Impostor {
-    /// An impostor that begins at `at` (ns), while the hold's carrier is on or off.
+    /// Returns a hostile sender that begins at `at` (ns). `carrier` is true if the hold's carrier is on then.
     #[must_use]
     pub fn new(hostile: Hostile, seed: u64, at: u64, carrier: bool) -> Self {
         let mut impostor = Self { hostile, rng: Rng::new(seed), planned: [].into(), carrier: true };
@@ -163,7 +163,7 @@ impl Impostor {
         impostor
     }
 
-    /// Whether the impostor's carrier is on.
+    /// Whether the hostile sender's carrier is on.
     #[must_use]
     pub fn carrier(&self) -> bool {
         self.carrier
@@ -175,7 +175,8 @@ impl Impostor {
         self.planned.front().map_or(u64::MAX, |(at, _)| *at)
     }
 
-    /// Takes the next event. `horus` has frames that HORUS has sent; with `goes_on` more is planned after the last one.
+    /// Takes the sender's next event. `horus` has frames that HORUS has sent. With `goes_on`, the sender plans further
+    /// events after its last one.
     pub fn take(&mut self, horus: &[Vec<u8>], goes_on: bool) -> Option<(u64, AirEvent)> {
         let (at, event) = self.planned.pop_front()?;
         match event {
@@ -189,7 +190,7 @@ impl Impostor {
         Some((at, event))
     }
 
-    /// Plans what comes after `at` (ns).
+    /// Plans the events that follow the instant `at` (ns).
     fn plan(&mut self, at: u64, horus: &[Vec<u8>]) {
         let rng = &mut self.rng;
         let begins = at + if rng.one_in(2) { rng.between(20_000, 400_000) } else { rng.between(20_000, 20 * MS) };
@@ -201,7 +202,7 @@ impl Impostor {
                 return self.planned.push_back((begins, event));
             }
             Hostile::Horus => match horus.get(rng.below(horus.len() as u64) as usize) {
-                // HORUS's frame already has LEN and CRC-16.
+                // The frame is one that HORUS has sent, so it already has LEN and CRC-16.
                 Some(frame) => return self.send(begins, frame.clone(), false),
                 None => vec![0; 64],
             },
@@ -226,7 +227,7 @@ impl Impostor {
     fn send(&mut self, at: u64, data: Vec<u8>, cut: bool) {
         let all = 8 * data.len() as u32;
         let bits = if cut { self.rng.below(u64::from(all)) as u32 } else { all };
-        // 32 cycles of 13.56 MHz, attoseconds.
+        // A bit of 424 kbit/s takes 32 cycles of 13.56 MHz, here in attoseconds.
         let bit_as = 2_359_882_005_900;
         let start = FrameStart {
             technology: Technology::NfcF,

@@ -17,26 +17,26 @@
 //! | [`power`] | supply and reset of a board | the part and its front end |
 //! | [`Fault::Hang`] | a board's core, which executes nothing more until its watchdog restarts it | the core |
 //! | [`Fault::DeadTask`] | a task of a board, whose interrupt is off while the rest runs | the core |
-//! | [`upset`] | a bit of RAM, flash or a register | the part's memory |
+//! | [`upset`] | a bit of RAM, flash or a register | the part's memory, its peripherals, the core |
+//! | [`Fault::Drift`] | the oscillators of a microcontroller, which run faster or slower | the part's clocks |
 //! | [`hold`] | the active hold, its sensors, and the air between it and the DPR | beside the DPR |
 //! | [`image`] | instructions of a firmware in flash, or its variables | the image, before the run or in mid-run |
 //!
-//! [`plan`] draws episodes from a seed. Upsets are not drawn into a run, because [`campaign`] tries each of them on a
-//! copy of the bench.
+//! [`plan`] draws episodes from a seed. Upsets are not drawn into a run, because [`crate::campaign`] tries each of them
+//! on a copy of the bench.
 //!
 //! # Where to add a fault
 //!
-//! Most faults are a variant of an enumeration in one of the files above (`ReceiverFault`, `PowerFault` and so on). Its
-//! effect is in the same file, and a line in [`plan`] lets `--faults` draw it.
+//! Most faults are variants of an enumeration in one of the files above (`ReceiverFault`, `PowerFault` and so on). The
+//! fault's effect is in the same file. A line in [`plan`] makes `--faults` draw the fault.
 //!
 //! A fault of a new kind is a variant of [`Fault`] with its name, its side of the link ([`Fault::is_upstream`]) and its
-//! disturbance ([`Fault::disturbs`]), from which the judge knows what to excuse ([`bench_judge::disturbance`]).
-//! `sim/upstream.rs`, `sim/downstream.rs` and `sim/board_events.rs` apply episodes. `panel.rs` lists the faults that the
-//! panel of `cargo xtask live` offers.
+//! disturbance ([`Fault::disturbs`]), from which the judge knows what to excuse ([`bench_judge::disturbance`]). Three
+//! files apply episodes: `sim/upstream.rs`, `sim/downstream.rs` and `sim/board_events.rs`. `panel.rs` lists the
+//! faults that the panel of `cargo xtask live` offers.
 
 pub mod base;
 pub mod buffer;
-pub mod campaign;
 pub mod chip;
 pub mod flight_controller;
 pub mod front_end;
@@ -56,7 +56,6 @@ pub use base::BaseFault;
 use bench_judge::disturbance::Harm;
 pub use bench_judge::{Board, Disturbance};
 pub use buffer::{BufferFault, Buffers};
-pub use campaign::{Campaign, Class, Options, RunOutcome, Subject, Trial};
 pub use chip::{ChipFault, RegisterBit};
 use emulator_part::Part;
 pub use flight_controller::Conduct;
@@ -74,10 +73,10 @@ use stm32f429::Stm32f429;
 pub use upset::{Targets, Upset};
 pub use wires::{WireFault, Wires};
 
-/// A fault that lasts as long as its [`Episode`], or that occurs at the episode's beginning.
+/// A fault. It lasts as long as its [`Episode`], or it occurs once, at the episode's beginning.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Fault {
-    /// A fault of the air between the antennas.
+    /// A fault of the air between the link's two antennas.
     Air(AirFaults),
     /// A fault of a receiver, counted from 0, or of its line.
     Receiver(usize, ReceiverFault),
@@ -88,7 +87,7 @@ pub enum Fault {
     /// A fault of a board's front-end chip, or of a line to it.
     Chip(Board, ChipFault),
     /// A register's bit of a board's front-end chip flips. The number is the bit's index in [`RegisterBit::all_of`],
-    /// modulo the number of bits. The firmware must detect the flip by the episode's end.
+    /// modulo the number of bits. The firmware must have corrected the flip when the episode ends.
     Flip(Board, u64),
     /// A misuse of the SSI by the flight controller.
     FlightController(Conduct),
@@ -105,6 +104,12 @@ pub enum Fault {
     /// board's watchdog ends the fault, because the task no longer checks in. A board that has not enabled its
     /// interrupts, hangs or has no supply is not affected.
     DeadTask(Board, u8),
+    /// A task of a board runs once although nothing has called it: its interrupt becomes pending. The number is the
+    /// task's index in [`tasks_of`]. A task that is a step of its board's cycle ([`is_step`]) makes the board stop; any
+    /// other finds no work. A board that has not enabled its interrupts, hangs or has no supply is not affected.
+    Spurious(Board, u8),
+    /// A drift of the external oscillators of a board's microcontroller, parts per billion above what they had before.
+    Drift(Board, i64),
     /// An upset of a bit of a board.
     Upset(Board, Upset),
     /// A fault of a bit of the DPR's buffers.
@@ -135,6 +140,11 @@ impl Fault {
                 let name = tasks_of(*board).get(usize::from(*task)).map_or("none", |(name, _)| name);
                 format!("dead task {} {name}", name_of(*board))
             }
+            Self::Spurious(board, task) => {
+                let name = tasks_of(*board).get(usize::from(*task)).map_or("none", |(name, _)| name);
+                format!("spurious interrupt {} {name}", name_of(*board))
+            }
+            Self::Drift(board, ppb) => format!("{} oscillators {:+.1} ppm", name_of(*board), *ppb as f64 / 1e3),
             Self::Upset(board, upset) => format!("{} {}", upset.name(), name_of(*board)),
             Self::Buffer(fault) => format!("buffer dpr {}", fault.name()),
             Self::Image(board, fault) => format!("image {} {}", name_of(*board), fault.name()),
@@ -158,6 +168,9 @@ impl Fault {
             Self::Power(board, fault) => fault.disturbs(board),
             Self::Hang(board) => Disturbance::Hang { board },
             Self::DeadTask(board, task) => Disturbance::DeadTask { board, task },
+            Self::Spurious(board, task) if is_step(board, task) => Disturbance::Hang { board },
+            Self::Spurious(board, _) => Disturbance::Spurious { board },
+            Self::Drift(board, _) => Disturbance::Drift { board },
             Self::Upset(board, upset) => Disturbance::Memory { board, memory: upset.memory() },
             Self::Buffer(fault) => Disturbance::Memory { board: Board::Dpr, memory: fault.memory() },
             Self::Image(board, _) => Disturbance::Code { board },
@@ -165,7 +178,7 @@ impl Fault {
         }
     }
 
-    /// Whether the fault acts on HORUS's side of the link, which the bench simulates ahead of the DPR's side.
+    /// Whether the fault acts on HORUS's side of the link. The bench simulates that side ahead of the DPR's.
     #[must_use]
     pub fn is_upstream(&self) -> bool {
         match self {
@@ -177,6 +190,8 @@ impl Fault {
             | Self::Power(board, _)
             | Self::Hang(board)
             | Self::DeadTask(board, _)
+            | Self::Spurious(board, _)
+            | Self::Drift(board, _)
             | Self::Upset(board, _)
             | Self::Image(board, _) => *board == Board::Horus,
         }
@@ -198,6 +213,17 @@ pub fn tasks_of(board: Board) -> &'static [(&'static str, &'static str)] {
     match board {
         Board::Horus => horus_tx_fw::task::TASKS,
         Board::Dpr => dpr_fw::task::TASKS,
+    }
+}
+
+/// Returns whether the task at index `task` of [`tasks_of`] is a step of its board's cycle. If such a task runs
+/// although nothing has called it, the board stops.
+#[must_use]
+pub const fn is_step(board: Board, task: u8) -> bool {
+    let task = task as usize;
+    match board {
+        Board::Horus => task < horus_tx_fw::task::Task::ALL.len() && horus_tx_fw::task::Task::ALL[task].is_step(),
+        Board::Dpr => task < dpr_fw::task::Task::ALL.len() && dpr_fw::task::Task::ALL[task].is_step(),
     }
 }
 
@@ -245,7 +271,7 @@ impl Faults {
         Self::none().with(0, u64::MAX, Fault::Air(faults))
     }
 
-    /// Adds an episode and returns the faults with it.
+    /// Adds an episode, and returns the faults with it.
     #[must_use]
     pub fn with(mut self, at: u64, until: u64, fault: Fault) -> Self {
         self.add(Episode { at, until, fault });
@@ -264,7 +290,7 @@ impl Faults {
         &self.episodes
     }
 
-    /// The beginnings and ends of the episodes on HORUS's side of the link (`upstream`) or on the DPR's side.
+    /// Returns the beginnings and ends of one side's episodes: HORUS's side (`upstream`) or the DPR's.
     #[must_use]
     pub fn timeline(&self, upstream: bool) -> Timeline {
         let mine = self.episodes.iter().filter(|episode| episode.fault.is_upstream() == upstream);
@@ -284,7 +310,7 @@ impl Faults {
     }
 }
 
-/// The beginning, a change or the end of an episode.
+/// The beginning or the end of an episode, or a change within it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Turn {
     /// The episode begins.
@@ -300,7 +326,7 @@ pub enum Turn {
     Ends(Episode),
 }
 
-/// The beginnings, changes and ends of one side's episodes, in order of time.
+/// The beginnings, changes and ends of the episodes on one side of the link, in order of time.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Timeline {
     turns: VecDeque<(u64, Turn)>,
@@ -313,7 +339,7 @@ impl Timeline {
         self.turns.front().map_or(u64::MAX, |(at, _)| *at)
     }
 
-    /// Adds `other`, the timeline of the other side.
+    /// Adds the turns of the other side's timeline, in order of time.
     pub fn add(&mut self, other: Self) {
         for (at, turn) in other.turns {
             let place = self.turns.partition_point(|(before, _)| *before <= at);

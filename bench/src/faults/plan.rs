@@ -1,14 +1,15 @@
 //! Faults drawn from a seed.
 //!
-//! Every kind of fault has its own random numbers, so a new kind does not change the episodes of the others. The faults
-//! of a kind come in rounds, each of which has all of them in a random order.
+//! Every kind of fault has its own random numbers, so a new kind does not change the episodes of other kinds. The
+//! faults of a kind come in rounds. Each round has all of them in a random order.
 
 use std::fmt;
 use std::str::FromStr;
 
 use super::{
     Absurd, AirFaults, Board, BufferFault, Buffers, BusFault, ChipFault, Conduct, Episode, Fault, Faults, HoldFault,
-    InputFault, PowerFault, ReceiverFault, Rng, chip::FLIP_MENDED, power::sag_length, state_inputs::INPUTS, tasks_of,
+    InputFault, PowerFault, ReceiverFault, Rng, chip::FLIP_MENDED, is_step, power::sag_length, state_inputs::INPUTS,
+    tasks_of,
 };
 use gnss_sim::Port;
 
@@ -28,18 +29,18 @@ const MS: u64 = 1_000_000;
 /// The shortest and longest duration of an episode, ns.
 pub const LENGTH: (u64, u64) = (20_000_000, 400_000_000);
 
-/// The duration of a fault of the hold, ns, whose period is 100 ms.
+/// The duration, ns, of a fault of the hold. The hold exchanges frames once every 100 ms.
 pub const HOLD_LENGTH: (u64, u64) = (200_000_000, 2_000_000_000);
 
-/// The time from one fault of the hold to the next, ns, in every fourth gap: the hold has settled, and is judged,
-/// before it ends.
+/// The time from one fault of the hold to the next, ns, in every fourth gap. It is long enough for the judge to judge a
+/// hold that has settled again.
 pub const HOLD_GAP: (u64, u64) = (3_500_000_000, 5_500_000_000);
 
 /// The duration of a receiver's drift, ns: at its end the receiver's position is wrong by a few tens of metres.
 pub const DRIFT_LENGTH: (u64, u64) = (1_000_000_000, 3_000_000_000);
 
-/// The shortest and longest jump of one or all receivers, ns. The voter holds back a common jump for a time between
-/// them.
+/// The shortest and the longest jump of one or all receivers, ns. The voter holds a common jump back for a time within
+/// this range.
 pub const JUMP_LENGTH: (u64, u64) = (20_000_000, 2_500_000_000);
 
 /// The longest time between the failures of the two boards, ns, where both lose their supply, restart or hang together.
@@ -59,8 +60,14 @@ pub const START_HANG_LENGTH: (u64, u64) = (1_100_000_000, 1_200_000_000);
 /// (docs/design.md#start-and-supply).
 pub const WATCHDOG_STARTS: u64 = 2_000;
 
-/// A hang during a board's start begins at most this long after the reset, ns.
+/// The longest time, ns, from a board's reset until a hang that is drawn into its start.
 pub const STARTS: u64 = 20_000_000;
+
+/// The bit error rate of drawn bit errors on the air: about one frame in five has an error.
+pub const BIT_ERROR: f64 = 1e-4;
+
+/// The largest error that a drift adds to that of an oscillator, parts per billion.
+pub const MAX_DRIFT: u64 = 200_000;
 
 /// The number of sags of each board's supply in a round; each has another course of voltage.
 const SAGS: usize = 3;
@@ -86,17 +93,25 @@ pub enum Kind {
     Buffers,
     /// The state inputs of HORUS.
     Inputs,
-    /// Boards that hang, and dead tasks; the watchdogs restart the boards.
+    /// Boards that hang, dead tasks, and tasks that run although nothing has called them.
     Hang,
     /// Bits of the registers of either front end's chip, which flip during the run.
     Chips,
-    /// The active hold, its sensors, and the air between it and the DPR.
+    /// The active hold, its sensors, and the air between hold and DPR.
     Hold,
+    /// Bit errors on the air, at the rate [`BIT_ERROR`].
+    Bits,
+    /// Glitches on the SPI between either board and its front end.
+    Spi,
+    /// Oscillators that drift.
+    Drift,
+    /// Bits of the registers of a microcontroller's peripherals.
+    Peripherals,
 }
 
 impl Kind {
     /// All kinds.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 16] = [
         Self::Air,
         Self::Gnss,
         Self::FlightController,
@@ -109,6 +124,10 @@ impl Kind {
         Self::Hang,
         Self::Chips,
         Self::Hold,
+        Self::Bits,
+        Self::Spi,
+        Self::Drift,
+        Self::Peripherals,
     ];
 
     /// Returns the kind's name in `--faults`.
@@ -127,13 +146,17 @@ impl Kind {
             Self::Hang => "hang",
             Self::Chips => "chips",
             Self::Hold => "hold",
+            Self::Bits => "bits",
+            Self::Spi => "spi",
+            Self::Drift => "drift",
+            Self::Peripherals => "peripherals",
         }
     }
 
     /// Whether the kind is an upset, which a campaign tries on a copy of the bench instead of in a run.
     #[must_use]
     pub const fn is_upset(self) -> bool {
-        matches!(self, Self::Ram | Self::Flash | Self::Registers)
+        matches!(self, Self::Ram | Self::Flash | Self::Registers | Self::Peripherals)
     }
 }
 
@@ -157,14 +180,14 @@ impl FromStr for Kind {
     }
 }
 
-/// Faults that occur together, each with its delay (ns) after the beginning of the first.
+/// Faults that belong together, each with its delay (ns) after the beginning of the first.
 type Draw = Vec<(u64, Fault)>;
 
 impl Faults {
     /// Returns faults of `kinds` for a run of `duration_ns` with `gps` receivers, drawn from `seed`.
     ///
     /// Each kind has at most one episode at a time, except where both boards fail together or several receivers are
-    /// wrong together. Upsets of RAM, flash and registers are not drawn, because [`super::Campaign`] tries them.
+    /// wrong together. Upsets are not drawn, because [`crate::campaign`] tries them.
     #[must_use]
     pub fn drawn(kinds: &[Kind], gps: usize, seed: u64, duration_ns: u64) -> Self {
         let mut faults = Self::none();
@@ -182,11 +205,7 @@ impl Faults {
                 let Some(draw) = round.pop() else { break };
                 let begins = free_at + rng.between(gap.0, gap.1);
                 gap = if kind == Kind::Hold && round.len().is_multiple_of(4) { HOLD_GAP } else { GAP };
-                let (least, most) = match draw[..] {
-                    [(_, Fault::Power(..)), (_, Fault::Hang(_))] => START_HANG_LENGTH,
-                    [(_, ref fault), ..] => length_of(fault),
-                    [] => LENGTH,
-                };
+                let (least, most) = length(&draw);
                 let length = rng.between(least, most);
                 let after = draw.iter().map(|(after, _)| *after).max().unwrap_or(0);
                 free_at = begins + after + length;
@@ -200,7 +219,7 @@ impl Faults {
                 }
             }
         }
-        // A run of a day has tens of thousands of episodes of each kind, so the list is sorted once, at the end.
+        // The list is sorted once, at the end, because a run of a day has tens of thousands of episodes of each kind.
         faults.episodes.sort_by_key(|episode| episode.at);
         faults.without_hangs_in_starts();
         faults
@@ -208,6 +227,25 @@ impl Faults {
 }
 
 impl Faults {
+    /// Returns a fault of `kind` for a link with `gps` receivers, drawn by `rng`, or several that occur together. The
+    /// first begins at `at` (ns). There is none of a kind that is not drawn into runs.
+    #[must_use]
+    pub fn one(kind: Kind, gps: usize, rng: &mut Rng, at: u64) -> Self {
+        let mut draws = all_of(kind, gps, rng);
+        let mut faults = Self::none();
+        if draws.is_empty() {
+            return faults;
+        }
+        let draw = draws.swap_remove(rng.below(draws.len() as u64) as usize);
+        let (least, most) = length(&draw);
+        let length = rng.between(least, most);
+        for (after, fault) in draw {
+            let begins = at + after;
+            faults.add(Episode { at: begins, until: if lasts(&fault) { begins + length } else { begins }, fault });
+        }
+        faults
+    }
+
     /// Removes hangs that begin before a restarted board's watchdog runs, because nothing would end them.
     fn without_hangs_in_starts(&mut self) {
         for board in BOARDS {
@@ -235,9 +273,18 @@ fn lasts(fault: &Fault) -> bool {
     match fault {
         Fault::Power(_, fault) => fault.lasts(),
         Fault::Buffer(fault) => fault.lasts(),
-        Fault::Hang(_) | Fault::DeadTask(..) | Fault::Hold(HoldFault::Hang) => false,
+        Fault::Hang(_) | Fault::DeadTask(..) | Fault::Spurious(..) | Fault::Hold(HoldFault::Hang) => false,
         Fault::Hold(HoldFault::Power(fault)) => fault.lasts(),
         _ => true,
+    }
+}
+
+/// The shortest and longest duration of faults that occur together, ns.
+fn length(draw: &Draw) -> (u64, u64) {
+    match draw[..] {
+        [(_, Fault::Power(..)), (_, Fault::Hang(_))] => START_HANG_LENGTH,
+        [(_, ref fault), ..] => length_of(fault),
+        [] => LENGTH,
     }
 }
 
@@ -247,14 +294,14 @@ fn length_of(fault: &Fault) -> (u64, u64) {
         Fault::Receiver(_, ReceiverFault::Jumps { .. }) => JUMP_LENGTH,
         Fault::Hang(_) | Fault::Hold(HoldFault::Hang) => HANG_LENGTH,
         Fault::Hold(_) => HOLD_LENGTH,
-        Fault::DeadTask(..) => DEAD_TASK_LENGTH,
+        Fault::DeadTask(..) | Fault::Spurious(..) => DEAD_TASK_LENGTH,
         Fault::Flip(..) => (FLIP_MENDED, FLIP_MENDED),
         Fault::Power(_, PowerFault::Sag(seed)) => (sag_length(*seed), sag_length(*seed)),
         _ => LENGTH,
     }
 }
 
-/// One round of faults of `kind`, which has every fault of that kind once.
+/// Returns one round of `kind`, which has every fault of the kind once.
 fn all_of(kind: Kind, gps: usize, rng: &mut Rng) -> Vec<Draw> {
     match kind {
         Kind::Air => {
@@ -281,27 +328,30 @@ fn all_of(kind: Kind, gps: usize, rng: &mut Rng) -> Vec<Draw> {
         Kind::Hang => hangs(rng),
         Kind::Chips => BOARDS.map(|board| vec![(0, Fault::Flip(board, rng.word()))]).into(),
         Kind::Hold => HoldFault::all(rng).into_iter().map(|fault| vec![(0, Fault::Hold(fault))]).collect(),
-        Kind::Ram | Kind::Flash | Kind::Registers => vec![],
+        Kind::Bits => vec![vec![(0, Fault::Air(AirFaults { bit_error: BIT_ERROR, ..AirFaults::default() }))]],
+        Kind::Spi => BOARDS.map(|board| vec![(0, Fault::Chip(board, ChipFault::Glitches(rng.word())))]).into(),
+        Kind::Drift => drifts(rng),
+        Kind::Ram | Kind::Flash | Kind::Registers | Kind::Peripherals => vec![],
     }
 }
 
-/// Every fault of the air, strong enough to be visible in an episode of average length.
+/// Returns every fault of the air, strong enough to be visible in an episode of average length.
 fn air() -> Vec<AirFaults> {
     let none = AirFaults::default();
     vec![
-        // A frame has about 2000 bits, so about one frame in three survives this bit error rate.
+        // A frame has about 2000 bits. At this bit error rate about one frame in three arrives whole.
         AirFaults { bit_error: 5e-4, ..none },
         AirFaults { lost: 0.4, ..none },
-        // A carrier without frames looks to the DPR like a HORUS that sends nothing.
+        // The DPR cannot distinguish a carrier without frames from a HORUS that sends nothing.
         AirFaults { lost: 1.0, ..none },
-        // A frame that is repeated all the time looks to the DPR like a HORUS whose data do not change.
+        // The DPR cannot distinguish a frame that is repeated all the time from a HORUS whose data do not change.
         AirFaults { frozen: true, ..none },
         AirFaults { truncated: 0.4, ..none },
-        // The objects' CRCs detect every burst of up to 32 bits; these are twice as long.
+        // An object's CRC detects every burst of up to 32 bits. These bursts are twice as long.
         AirFaults { burst: 0.4, burst_bits: 64, ..none },
         // A frame takes half a cycle, so its repetition comes before the next frame or collides with it.
         AirFaults { repeated: 0.4, repeat_after_ns: (100_000, 12 * MS), ..none },
-        // The delay of a frame is between a fraction of a cycle and several cycles.
+        // A frame is delayed by a fraction of a cycle, or by up to several cycles.
         AirFaults { delayed: 0.4, delay_ns: (MS, 45 * MS), ..none },
         AirFaults { field_off: true, ..none },
         AirFaults { scatter_ns: 3 * MS, ..none },
@@ -321,7 +371,7 @@ fn receivers() -> Vec<ReceiverFault> {
         ReceiverFault::Beginnings,
         ReceiverFault::Unasked,
         ReceiverFault::Frozen,
-        // u-blox receivers use this bit rate after they have lost their configuration.
+        // A u-blox receiver that has lost its configuration uses this bit rate.
         ReceiverFault::WrongBaud(38_400),
         ReceiverFault::Break,
         ReceiverFault::Noise,
@@ -331,19 +381,19 @@ fn receivers() -> Vec<ReceiverFault> {
         ReceiverFault::NoFix,
         ReceiverFault::LateBursts(60_000_000),
         ReceiverFault::BadChecksums,
-        // The voter treats receivers within 30 m and 50 m as agreeing, and this offset exceeds both.
+        // Receivers agree up to 30 m horizontally and 50 m vertically. These offsets exceed that.
         ReceiverFault::Offset { north: 40, east: -30, up: 0 },
         ReceiverFault::Offset { north: 0, east: 0, up: 120 },
         ReceiverFault::Drifts { mm_s: 20_000 },
         ReceiverFault::FrozenPosition,
         ReceiverFault::Flat,
-        // The voter treats receivers within 10 degrees and 2 m/s² as agreeing, and these changes exceed both.
+        // Receivers agree up to 10 degrees and 2 m/s². These errors exceed that.
         ReceiverFault::Turned { degrees: 180 },
         ReceiverFault::Pushed { cm_s2: 500 },
         ReceiverFault::Understates,
         ReceiverFault::TimeJumps(5_000),
         ReceiverFault::TimeJumps(-5_000),
-        // NAV-PVT was shorter by 8 bytes in protocol versions before 15.
+        // Before protocol version 15 a NAV-PVT message was 8 bytes shorter.
         ReceiverFault::OtherLength(-8),
         ReceiverFault::OtherLength(4),
         ReceiverFault::LosesSettings,
@@ -353,7 +403,8 @@ fn receivers() -> Vec<ReceiverFault> {
     faults
 }
 
-/// All receivers jump to the same wrong position or height, or one has a wrong height while the others measure none.
+/// Returns faults of several receivers: all jump to the same wrong position or height, or one has a wrong height while
+/// the others measure none.
 fn receivers_together(gps: usize, rng: &mut Rng) -> [Draw; 3] {
     let high = ReceiverFault::Offset { north: 0, east: 0, up: 500 };
     let lone = rng.below(gps as u64) as usize;
@@ -371,7 +422,8 @@ fn inputs() -> impl Iterator<Item = (usize, InputFault)> {
     (0..INPUTS).flat_map(|input| InputFault::ALL.map(|fault| (input, fault)))
 }
 
-/// Faults of the DPR's buffers: for each kind of buffer, one flip per buffer, and one bit stuck at zero and at one.
+/// Returns the faults of the DPR's buffers: for each kind of buffer, one flip per buffer, and one bit stuck at zero and
+/// at one.
 fn buffers(rng: &mut Rng) -> Vec<Draw> {
     let mut draws = vec![];
     for (buffers, count) in [(Buffers::Receive, 3), (Buffers::Image, 4)] {
@@ -385,10 +437,10 @@ fn buffers(rng: &mut Rng) -> Vec<Draw> {
     draws
 }
 
-/// The faults that restart a board at once.
+/// Returns the faults that restart a board at once.
 const RESTARTS: [PowerFault; 3] = [PowerFault::Pin, PowerFault::BrownOut, PowerFault::Watchdog];
 
-/// Every fault of either board's supply and reset, sags, and faults of both boards together in either order.
+/// Returns every fault of either board's supply and reset, sags, and faults of both boards together in either order.
 fn power(rng: &mut Rng) -> Vec<Draw> {
     let restart = Fault::Power(Board::Dpr, RESTARTS[rng.below(RESTARTS.len() as u64) as usize]);
     let dead = Fault::Power(Board::Dpr, PowerFault::CrystalDead);
@@ -414,6 +466,12 @@ fn power(rng: &mut Rng) -> Vec<Draw> {
     draws
 }
 
+/// A drift of the oscillators of each board alone, and of both, each by up to [`MAX_DRIFT`] in either direction.
+fn drifts(rng: &mut Rng) -> Vec<Draw> {
+    let mut drift = |board| (0, Fault::Drift(board, rng.between(0, 2 * MAX_DRIFT) as i64 - MAX_DRIFT as i64));
+    vec![vec![drift(Board::Horus)], vec![drift(Board::Dpr)], BOARDS.map(drift).into()]
+}
+
 /// Hangs of each board, of both in either order, and of each during its start; and a dead task of each board.
 fn hangs(rng: &mut Rng) -> Vec<Draw> {
     let mut draws: Vec<Draw> = BOARDS.map(|board| vec![(0, Fault::Hang(board))]).into();
@@ -422,12 +480,19 @@ fn hangs(rng: &mut Rng) -> Vec<Draw> {
     }
     for board in BOARDS {
         let restart = RESTARTS[rng.below(RESTARTS.len() as u64) as usize];
-        // Half of the hangs begin within 10 µs after the board's start.
+        // Half of the hangs in a start begin at once, within 10 µs.
         let latest = if rng.below(2) == 0 { 10_000 } else { STARTS };
         let hangs = rng.between(WATCHDOG_STARTS, latest);
         draws.push(vec![(0, Fault::Power(board, restart)), (hangs, Fault::Hang(board))]);
         let task = rng.below(tasks_of(board).len() as u64);
         draws.push(vec![(0, Fault::DeadTask(board, task as u8))]);
+        // One of them is a step of the board's cycle.
+        let tasks = || 0..tasks_of(board).len() as u8;
+        let steps: Vec<u8> = tasks().filter(|task| is_step(board, *task)).collect();
+        for among in [steps, tasks().collect()] {
+            let task = among[rng.below(among.len() as u64) as usize];
+            draws.push(vec![(0, Fault::Spurious(board, task))]);
+        }
     }
     draws
 }
@@ -524,8 +589,8 @@ mod tests {
         }
     }
 
-    /// Returns the shares of ten drawn minutes, in per cent, in which the judge of the hold demands that the hold
-    /// sends, that the DPR shows and answers, and that Hold-Status agrees with the payload.
+    /// Returns the shares, in per cent, of ten drawn minutes in which the hold must send, in which the DPR must show
+    /// and answer, and in which Hold-Status must agree with the payload.
     fn judged(kinds: &[Kind], seed: u64) -> [u64; 3] {
         const STEP: u64 = 10_000_000;
         let (mut calm, mut judged) = (Calm::default(), [0; 3]);
@@ -651,7 +716,7 @@ mod tests {
             let alone = |at: u64| episodes.iter().filter(|other| other.at.abs_diff(at) <= BETWEEN_BOARDS).count() == 1;
             assert!(episodes.iter().any(|episode| episode.fault == fault && alone(episode.at)), "{board:?} alone");
         }
-        // A board has restarted, and its watchdog runs, before the board's next hang.
+        // Before a board hangs again, it has restarted and its watchdog runs.
         let hangs: Vec<_> = episodes.iter().filter(|it| matches!(it.fault, Fault::Hang(_))).cloned().collect();
         for pair in hangs.windows(2).filter(|pair| !together(pair)) {
             assert!(pair[1].at - pair[0].at >= HANG_LENGTH.0 + GAP.0, "{pair:?}");
@@ -676,7 +741,7 @@ mod tests {
         }
         assert!(left(PowerFault::FrontEndOff, hang(900, Board::Dpr)));
         assert!(left(PowerFault::CrystalDead, hang(900, Board::Dpr)));
-        // If a board starts several times, the last start counts.
+        // If a board starts several times, its last start counts.
         let mut faults = Faults::none();
         for at in [100, 2 * WATCHDOG_STARTS, 9 * WATCHDOG_STARTS] {
             faults.add(Episode { at, until: at, fault: Fault::Power(Board::Dpr, PowerFault::Pin) });
@@ -700,12 +765,13 @@ mod tests {
         assert_eq!(dead.len(), BOARDS.into_iter().map(|board| tasks_of(board).len()).sum::<usize>(), "{dead:?}");
     }
 
-    /// A kind's number is part of the seed of its draws, so a change of the number would invalidate published figures.
+    /// A kind's number is part of the seed of its draws. Another number would invalidate published figures.
     #[test]
     fn the_kinds_keep_the_numbers_that_their_draws_are_seeded_by() {
         let numbers = Kind::ALL.map(|kind| kind as u64);
-        assert_eq!(numbers, [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11]);
-        assert_eq!(Kind::ALL[9..], [Kind::Hang, Kind::Chips, Kind::Hold]);
+        assert_eq!(numbers, [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15]);
+        assert_eq!(Kind::ALL[9..12], [Kind::Hang, Kind::Chips, Kind::Hold]);
+        assert_eq!(Kind::ALL[12..], [Kind::Bits, Kind::Spi, Kind::Drift, Kind::Peripherals]);
     }
 
     #[test]

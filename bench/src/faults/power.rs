@@ -1,4 +1,4 @@
-//! Faults of a board's supply and reset.
+//! Faults of a board's supply and reset pin.
 
 use bench_judge::disturbance::{Disturbance, Harm};
 
@@ -6,7 +6,8 @@ use super::Rng;
 
 const MS: u64 = 1_000_000;
 
-/// The voltages, µV, from which a supply can sag: the boards' 3.3 V, and the highest that both microcontrollers allow.
+/// The voltages, µV, from which a supply can sag: 3.3 V, as on the boards, and the highest that both microcontrollers
+/// allow.
 pub(crate) const RAILS_UV: [u32; 2] = [3_300_000, 3_600_000];
 
 /// A fault of a board's supply or reset pin. The front end shares the board's supply.
@@ -21,8 +22,8 @@ pub enum PowerFault {
     /// The watchdog resets the microcontroller, even if it is fed. RAM and the front end's registers keep their
     /// contents.
     Watchdog,
-    /// The crystal is dead: HORUS's stops at once, the DPR's fails to start. A board that cannot start without its
-    /// crystal is reset by its pin at the episode's end.
+    /// The crystal is dead: HORUS's stops at once, the DPR's fails to start. If the board cannot start without its
+    /// crystal, its pin resets it at the episode's end.
     CrystalDead,
     /// The supply sags and recovers in a [`shape`] that this seed determines.
     Sag(u64),
@@ -51,7 +52,7 @@ impl PowerFault {
         match self {
             Self::Off(_) | Self::Sag(_) => Disturbance::Supply { board },
             Self::Pin | Self::BrownOut | Self::Watchdog => Disturbance::Restart { board },
-            // The log records a start with a dead crystal as a hang.
+            // A dead crystal is recorded as a hang, because the board may not start.
             Self::CrystalDead => Disturbance::Hang { board },
             Self::FrontEndOff => Disturbance::FrontEnd { board, harm: Harm::Silent },
         }
@@ -64,10 +65,10 @@ impl PowerFault {
     }
 }
 
-/// The voltages of a sagging supply, µV, each with its time from the beginning of the sag, ns.
+/// Returns the voltages of a sagging supply, µV, each with its time from the beginning of the sag, ns.
 ///
-/// One to four changes lead to other voltages (zero, between the supervisors' thresholds, or anywhere), and a last one
-/// leads back. Each takes 1, 10 or 100 ms, as a ramp in steps of at most 20 mV or as one step.
+/// The voltage changes one to four times: to zero, to a voltage between the supervisors' thresholds, or to any voltage.
+/// A last change leads back. A change takes 1, 10 or 100 ms, either as a ramp in steps of at most 20 mV or as one step.
 #[must_use]
 pub fn shape(seed: u64) -> Vec<(u64, u32)> {
     const STEP_UV: u32 = 20_000;
@@ -88,7 +89,7 @@ pub fn shape(seed: u64) -> Vec<(u64, u32)> {
         for step in 1..=steps {
             let part = i64::from(step) * (i64::from(to) - i64::from(volts)) / i64::from(steps);
             let reached = (i64::from(volts) + part) as u32;
-            // A change in a single step comes at once, and the voltage then stays for the rest of the time.
+            // A voltage that changes in one step changes at once, and then stays the same for the rest of the time.
             let after = if steps == 1 { 0 } else { takes * u64::from(step) / u64::from(steps) };
             shape.push((at + after, reached));
         }

@@ -3,7 +3,7 @@
 /// The number of HORUS's state inputs; each is a pair of pins.
 pub const INPUTS: usize = 3;
 
-/// The names of the state inputs, the least severe state first.
+/// The names of the state inputs, the input of the least severe state first.
 const NAMES: [&str; INPUTS] = ["relay", "motor cut", "emergency measure"];
 
 /// The levels of a state input's pins during an episode. Without a fault the input is inactive.
@@ -20,7 +20,7 @@ pub enum InputFault {
 }
 
 impl InputFault {
-    /// All faults of a state input. One contact chatters faster than once a cycle, one slower.
+    /// Returns all faults of a state input. In one the contact chatters faster than the cycle, in another slower.
     pub const ALL: [Self; 5] =
         [Self::Active, Self::BothHigh, Self::BothLow, Self::Chatters(3_700_000), Self::Chatters(13_000_000)];
 
@@ -36,7 +36,7 @@ impl InputFault {
         format!("{} {what}", NAMES.get(input).unwrap_or(&"no input"))
     }
 
-    /// The levels of both pins at the fault's beginning: first the pin that is high while the input is active.
+    /// Returns the levels of both pins at the fault's beginning. The first pin is high while the input is active.
     #[must_use]
     pub const fn levels(self) -> (bool, bool) {
         match self {

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use bench_judge::disturbance::Memory;
-use cortex_m4::Cost;
+use cortex_m4::{Cost, Register};
 
 use super::{Kind, Rng};
 use emulator_node::{Board, Error, Node};
@@ -25,14 +25,58 @@ pub enum Upset {
         /// The bit's number, 0 to 7.
         bit: u8,
     },
-    /// A bit of a core register, 0 to 15.
+    /// A bit of a core register.
     Register {
-        /// The register's number.
+        /// The register's index in [`CORE_REGISTERS`].
         number: u8,
         /// The bit's number, 0 to 31.
         bit: u8,
     },
+    /// A bit of a register of a peripheral or of the core's system control space.
+    Peripheral {
+        /// The register's address, a multiple of 4.
+        address: u32,
+        /// The bit's number, 0 to 31.
+        bit: u8,
+    },
 }
+
+/// The core's registers in which bits flip, each with the mask of the bits that it has: R0 to R15, the program status,
+/// the masks of exceptions, CONTROL, the stack pointers, and the registers of the floating-point unit.
+pub const CORE_REGISTERS: [(Register, u32); 56] = {
+    let mut all = [(Register::Fpscr, 0xF7C0_009F); 56];
+    let mut number = 0;
+    while number < 16 {
+        // The two lowest bits of SP and the lowest of PC always read zero (ARMv7-M ARM B1.4.1).
+        let bits = match number {
+            13 => !3,
+            15 => !1,
+            _ => u32::MAX,
+        };
+        all[number as usize] = (Register::R(number), bits);
+        number += 1;
+    }
+    let special = [
+        (Register::Xpsr, 0xF80F_0000),
+        (Register::Primask, 1),
+        (Register::Basepri, 0xE0),
+        (Register::Faultmask, 1),
+        (Register::Control, 7),
+        (Register::Msp, !3),
+        (Register::Psp, !3),
+    ];
+    let mut nth = 0;
+    while nth < special.len() {
+        all[16 + nth] = special[nth];
+        nth += 1;
+    }
+    let mut number = 0;
+    while number < 32 {
+        all[23 + number as usize] = (Register::S(number), u32::MAX);
+        number += 1;
+    }
+    all
+};
 
 impl Upset {
     /// Returns the upset's name in the event log.
@@ -42,6 +86,7 @@ impl Upset {
             Self::Ram { .. } => "ram",
             Self::Flash { .. } => "flash",
             Self::Register { .. } => "register",
+            Self::Peripheral { .. } => "peripheral",
         }
     }
 
@@ -52,6 +97,7 @@ impl Upset {
             Self::Ram { .. } => Memory::Ram,
             Self::Flash { .. } => Memory::Flash,
             Self::Register { .. } => Memory::Registers,
+            Self::Peripheral { .. } => Memory::Peripherals,
         }
     }
 
@@ -62,6 +108,7 @@ impl Upset {
             Self::Ram { .. } => Kind::Ram,
             Self::Flash { .. } => Kind::Flash,
             Self::Register { .. } => Kind::Registers,
+            Self::Peripheral { .. } => Kind::Peripherals,
         }
     }
 
@@ -77,15 +124,17 @@ impl Upset {
                 Some(Self::Flash { address, bit })
             }
             Kind::Registers => {
-                let number = rng.below(16) as u8;
-                // The two lowest bits of SP and the lowest of PC always read zero (ARMv7-M ARM B1.4.1).
-                let least = match number {
-                    13 => 2,
-                    15 => 1,
-                    _ => 0,
-                };
-                Some(Self::Register { number, bit: rng.between(least, 31) as u8 })
+                let bits: u32 = CORE_REGISTERS.iter().map(|(_, bits)| bits.count_ones()).sum();
+                let mut nth = rng.below(u64::from(bits)) as u32;
+                let (number, (_, bits)) = (0..).zip(CORE_REGISTERS).find(|(_, (_, bits))| {
+                    let is_here = nth < bits.count_ones();
+                    nth = if is_here { nth } else { nth - bits.count_ones() };
+                    is_here
+                })?;
+                let bit = (0..32).filter(|bit| bits >> bit & 1 != 0).nth(nth as usize)?;
+                Some(Self::Register { number, bit })
             }
+            Kind::Peripherals => None,
             Kind::Air
             | Kind::Gnss
             | Kind::FlightController
@@ -94,7 +143,18 @@ impl Upset {
             | Kind::Inputs
             | Kind::Hang
             | Kind::Chips
-            | Kind::Hold => None,
+            | Kind::Hold
+            | Kind::Bits
+            | Kind::Spi
+            | Kind::Drift => None,
+        }
+    }
+
+    /// Returns a uniformly drawn upset of `kind` in what `node`'s firmware uses now; `None` if there is none.
+    pub fn drawn_on<B: Board, C: Cost>(kind: Kind, rng: &mut Rng, node: &Node<B, C>) -> Option<Self> {
+        match kind {
+            Kind::Peripherals => a_stored_bit(rng, node),
+            _ => Self::drawn(kind, rng, &Targets::of(node).ok()?),
         }
     }
 
@@ -111,10 +171,17 @@ impl Upset {
                 node.write(u64::from(address), &[byte[0] ^ 1 << (bit & 7)])
             }
             Self::Register { number, bit } => {
-                let number = usize::from(number & 15);
-                let flipped = node.register(number) ^ 1 << (bit & 31);
-                node.set_register(number, flipped);
+                let (register, _) = CORE_REGISTERS[usize::from(number) % CORE_REGISTERS.len()];
+                node.set_core_register(register, node.core_register(register) ^ 1 << (bit & 31));
                 Ok(())
+            }
+            Self::Peripheral { address, bit } => {
+                let mut word = [0; 4];
+                let refused = Error::NotMemory { address: u64::from(address), length: word.len() };
+                if node.peek(address, &mut word) < word.len() {
+                    return Err(refused);
+                }
+                node.poke(address, &(u32::from_le_bytes(word) ^ 1 << (bit & 31)).to_le_bytes())
             }
         }
     }
@@ -125,12 +192,41 @@ impl std::fmt::Display for Upset {
         match self {
             Self::Ram { address, bit } => write!(f, "RAM {address:#010x} bit {bit}"),
             Self::Flash { address, bit } => write!(f, "flash {address:#010x} bit {bit}"),
-            Self::Register { number: 13, bit } => write!(f, "SP bit {bit}"),
-            Self::Register { number: 14, bit } => write!(f, "LR bit {bit}"),
-            Self::Register { number: 15, bit } => write!(f, "PC bit {bit}"),
-            Self::Register { number, bit } => write!(f, "R{number} bit {bit}"),
+            Self::Register { number, bit } => match CORE_REGISTERS[usize::from(*number) % CORE_REGISTERS.len()].0 {
+                Register::R(13) => write!(f, "SP bit {bit}"),
+                Register::R(14) => write!(f, "LR bit {bit}"),
+                Register::R(15) => write!(f, "PC bit {bit}"),
+                Register::R(number) => write!(f, "R{number} bit {bit}"),
+                Register::S(number) => write!(f, "S{number} bit {bit}"),
+                special => write!(f, "{special:?} bit {bit}"),
+            },
+            Self::Peripheral { address, bit } => write!(f, "register {address:#010x} bit {bit}"),
         }
     }
+}
+
+/// The addresses at which the parts have the registers of peripherals, and the core its own.
+const REGISTERS: [Range<u32>; 5] = [
+    0x4000_0000..0x4003_0000,
+    0x4003_0000..0x4003_0010,
+    0x5000_0000..0x5000_1000,
+    0x5006_0000..0x5006_0C00,
+    0xE000_E000..0xE000_F000,
+];
+
+/// Returns a bit of a register that keeps what is written: a flip of it can be read back. Addresses and bits are drawn
+/// until one does, on a copy of `node`.
+fn a_stored_bit<B: Board, C: Cost>(rng: &mut Rng, node: &Node<B, C>) -> Option<Upset> {
+    const TRIES: usize = 20_000;
+    let mut copy = node.clone();
+    (0..TRIES).find_map(|_| {
+        let (byte, _) = a_bit(rng, &REGISTERS)?;
+        let (address, bit) = (byte & !3, rng.below(32) as u8);
+        let before = copy.read_word(address)?;
+        let flipped = before ^ 1 << bit;
+        copy.poke(address, &flipped.to_le_bytes()).ok()?;
+        (copy.read_word(address) == Some(flipped)).then_some(Upset::Peripheral { address, bit })
+    })
 }
 
 fn a_bit(rng: &mut Rng, ranges: &[Range<u32>]) -> Option<(u32, u8)> {
@@ -152,7 +248,7 @@ fn a_bit(rng: &mut Rng, ranges: &[Range<u32>]) -> Option<(u32, u8)> {
 pub struct Targets {
     /// The ranges of RAM: the statics, with the buffers of the DMA controllers, and the stack in use.
     pub ram: Vec<Range<u32>>,
-    /// The ranges of flash: the program with its CRC.
+    /// The ranges of flash that hold the program and its CRC.
     pub flash: Vec<Range<u32>>,
 }
 
@@ -213,15 +309,39 @@ mod tests {
 
     #[test]
     fn an_upset_of_a_register_flips_one_bit_of_it_alone() {
-        for number in 0..16 {
+        for (number, (register, bits)) in (0..).zip(CORE_REGISTERS) {
+            let bit = 31 - bits.leading_zeros() as u8;
             let mut node = node();
-            let before: Vec<u32> = (0..16).map(|number| node.register(number)).collect();
-            Upset::Register { number, bit: 8 }.apply(&mut node).unwrap();
-            for (other, before) in before.into_iter().enumerate() {
-                let flipped = if other == usize::from(number) { 0x100 } else { 0 };
-                assert_eq!(node.register(other), before ^ flipped, "r{other} after an upset of r{number}");
+            let values = |node: &Node<_>| CORE_REGISTERS.map(|(register, _)| node.core_register(register));
+            let before = values(&node);
+            Upset::Register { number, bit }.apply(&mut node).unwrap();
+            assert_eq!(node.core_register(register), before[usize::from(number)] ^ 1 << bit, "{register:?}");
+            // One of MSP and PSP is R13, and CONTROL says which.
+            let is_alone = |other: Register| !matches!(other, Register::R(13) | Register::Msp | Register::Psp);
+            for ((other, _), (was, is)) in CORE_REGISTERS.into_iter().zip(before.into_iter().zip(values(&node))) {
+                assert!(other == register || !is_alone(other) || was == is, "{other:?} after an upset of {register:?}");
             }
         }
+    }
+
+    #[test]
+    fn a_drawn_upset_of_a_peripheral_can_be_read_back() {
+        let (mut rng, node) = (Rng::new(1), node());
+        let mut blocks = BTreeSet::new();
+        for _ in 0..20 {
+            let upset = Upset::drawn_on(Kind::Peripherals, &mut rng, &node).unwrap();
+            let Upset::Peripheral { address, bit } = upset else { panic!("{upset:?}") };
+            let mut copy = node.clone();
+            upset.apply(&mut copy).unwrap();
+            let word = |node: &Node<_>| {
+                let mut word = [0; 4];
+                assert_eq!(node.peek(address, &mut word), 4);
+                u32::from_le_bytes(word)
+            };
+            assert_eq!(word(&copy), word(&node) ^ 1 << bit, "{upset}");
+            blocks.insert(address >> 16);
+        }
+        assert!(blocks.len() > 1, "{blocks:x?}");
     }
 
     #[test]
@@ -265,7 +385,13 @@ mod tests {
                 other => panic!("{other:?}"),
             })
             .collect();
-        assert_eq!(seen.len(), 16 * 32 - 3);
+        let bits: BTreeSet<(u8, u8)> = (0..)
+            .zip(CORE_REGISTERS)
+            .flat_map(|(number, (_, bits))| {
+                (0..32).filter(move |bit| bits >> bit & 1 != 0).map(move |bit| (number, bit))
+            })
+            .collect();
+        assert_eq!(seen, bits);
         assert!(!seen.contains(&(13, 1)) && !seen.contains(&(15, 0)));
     }
 

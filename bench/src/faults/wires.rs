@@ -17,9 +17,10 @@ use super::{ReceiverFault, Rng};
 pub enum WireFault {
     /// FRESH stays low, whatever the DPR drives.
     FreshStuck,
-    /// FRESH has an additional pulse of [`GLITCH_NS`], [`GLITCH_AFTER_NS`] after each pulse that the DPR drives.
+    /// FRESH has an additional pulse of [`GLITCH_NS`]. It comes [`GLITCH_AFTER_NS`] after each pulse that the DPR
+    /// drives.
     FreshGlitch,
-    /// Every edge of FRESH arrives later by this many ns.
+    /// Every edge of FRESH arrives late by this many ns.
     FreshLate(u64),
     /// TICK stays low, whatever HORUS drives.
     TickStuck,
@@ -34,13 +35,13 @@ pub enum WireFault {
         /// The bit's number, 0 (the least significant) to 7.
         bit: u8,
     },
-    /// MISO repeats the bytes of the latest transaction that ended at least this long before. After the last of these
-    /// bytes MISO carries what the DPR sends.
+    /// MISO repeats the bytes of an earlier transaction: the latest that ended at least this long before. After the
+    /// last repeated byte MISO carries what the DPR sends.
     MisoReplay {
         /// The least age of the repeated transaction, ns; at most [`HISTORY_NS`].
         age_ns: u64,
     },
-    /// From this byte on, MISO repeats the bytes of the preceding transaction, as far as there are any.
+    /// MISO repeats the bytes of the preceding transaction from a certain byte on, as far as that transaction has any.
     MisoSplice {
         /// The index of the first byte that is repeated, from 0.
         at_byte: usize,
@@ -52,7 +53,7 @@ pub enum WireFault {
         /// The object whose bytes read 0x00: 0 for Reported-Position, n for GPSn.
         object: usize,
     },
-    /// Every transaction repeats the last one before the fault, because a bridge in the line hangs.
+    /// The line hangs in a bridge: every transaction repeats the last one before the fault.
     MisoFrozen,
     /// Bits of an object or of Link-Status are inverted and its CRC is corrected, as a bridge in the line could do.
     MisoForged {
@@ -63,7 +64,7 @@ pub enum WireFault {
         /// The inverted bits.
         bits: u8,
     },
-    /// Bits of an object behind the image in the map are inverted and its CRC is corrected.
+    /// Bits of an object are inverted and its CRC is corrected. The object is in the map, but behind the image.
     MisoForgedPort {
         /// The changed object: 0 for Port-Status, 1 for the uplink of the base station, 2 for that of the flight
         /// controller, 3 for that of the hold.
@@ -79,11 +80,11 @@ pub enum WireFault {
     AntennaAnswers,
     /// The radio to the base station transmits nothing.
     RadioDrop,
-    /// One bit of each profile on the radio is inverted, each time another one.
+    /// One bit of each profile on the radio is inverted. It is another bit in each profile.
     RadioBit,
     /// The second half of each profile on the radio is the second half of the profile before.
     RadioMix,
-    /// Every receiver has this fault, and the log does not attribute it to the receivers.
+    /// Every receiver has this fault. The log does not say that a receiver has one.
     Sky(ReceiverFault),
     /// The flight controller keeps flying by the last position and ignores the client's report.
     ClientKeeps,
@@ -95,7 +96,8 @@ pub enum WireFault {
     ClientMute,
 }
 
-/// The time from a genuine pulse or tick to the additional one, ns. It ends between two publications.
+/// The time from a pulse or tick to the additional one, ns. At this distance the additional one falls between two
+/// publications.
 pub const GLITCH_AFTER_NS: u64 = 3_000_000;
 
 /// The length of an additional pulse of FRESH, ns.
@@ -104,7 +106,8 @@ pub const GLITCH_NS: u64 = 2_000;
 /// The greatest age of a transaction that MISO can repeat, ns.
 pub const HISTORY_NS: u64 = 1_000_000_000;
 
-/// The greatest number of transactions kept for repetition. A misused SSI has up to 200 000 transactions a second.
+/// The greatest number of transactions that are kept for repetition. A misused SSI has up to 200 000 transactions a
+/// second.
 const REMEMBERED: usize = 4_096;
 
 impl WireFault {
@@ -208,7 +211,7 @@ impl Wires {
     ///
     /// # Panics
     ///
-    /// Panics if a fault repeats a transaction older than [`HISTORY_NS`], or if a bit's number exceeds 7.
+    /// Panics if a fault repeats a transaction older than [`HISTORY_NS`], or if the number of a bit exceeds 7.
     pub fn begin(&mut self, fault: WireFault) {
         match fault {
             WireFault::MisoReplay { age_ns } => assert!(age_ns <= HISTORY_NS, "a replay of {age_ns} ns ago"),
@@ -226,8 +229,8 @@ impl Wires {
         }
     }
 
-    /// Changes `miso`, sent in a transaction that ended at `at` (ns), to the bytes that the flight controller receives.
-    /// The first byte is the image's byte at `offset`.
+    /// Changes the bytes of a transaction that ended at `at` (ns) to those that the flight controller receives. `miso`
+    /// has the bytes that the DPR sent, of which the first is the image's byte at `offset`.
     pub fn miso(&mut self, at: u64, offset: usize, miso: &mut [u8]) {
         let sent = miso.to_vec();
         for fault in &self.faults {
@@ -277,14 +280,15 @@ impl Wires {
         }
     }
 
-    /// Returns the levels at the far end with their instants (ns), in order, for a level that the DPR drives on FRESH
-    /// at `at` (ns).
+    /// Returns the edges at the far end of FRESH, each with its instant (ns), in order. The DPR drives `level` at `at`
+    /// (ns).
     pub fn fresh(&mut self, at: u64, level: bool) -> impl Iterator<Item = (u64, bool)> + use<> {
         let late: u64 =
             self.faults.iter().map(|fault| if let WireFault::FreshLate(ns) = fault { *ns } else { 0 }).sum();
         let mut seen = vec![];
         let stuck = self.faults.contains(&WireFault::FreshStuck);
-        // A pulse that has begun is completed when the wire breaks, and is left out when the wire is mended.
+        // If FRESH's wire breaks during a pulse, it completes the pulse. If it is mended during a pulse, it leaves the
+        // pulse out.
         if level != self.fresh && !(level && stuck) {
             self.fresh = level;
             seen.push((at + late, level));
@@ -296,14 +300,14 @@ impl Wires {
         seen.into_iter()
     }
 
-    /// Returns the ticks at the far end of the wire, ns, in order, for a tick of HORUS at `at` (ns).
+    /// Returns the instants, ns, in order, of the ticks at the far end of the wire, for a tick of HORUS at `at` (ns).
     pub fn tick(&self, at: u64) -> impl Iterator<Item = u64> + use<> {
         let seen = (!self.faults.contains(&WireFault::TickStuck)).then_some(at);
         let glitch = seen.filter(|_| self.faults.contains(&WireFault::TickGlitch)).map(|at| at + GLITCH_AFTER_NS);
         seen.into_iter().chain(glitch)
     }
 
-    /// Returns the report that the flight controller acts on: the client's `report`, changed by the present faults.
+    /// Returns the report that the flight controller acts on: `report` of the client, changed by the present faults.
     pub fn report(&mut self, report: Report) -> Report {
         let has = |fault| self.faults.contains(&fault);
         let age_us = if has(WireFault::ClientYoung) { 0 } else { report.age_us };
@@ -334,8 +338,8 @@ impl Wires {
         self.faults.contains(&WireFault::AntennaAnswers)
     }
 
-    /// Changes `bytes`, which the flight controller sent, to what the base station receives. Returns `false` if nothing
-    /// arrives.
+    /// Changes the bytes that the flight controller sent to those that the base station receives. Returns `false` if
+    /// nothing arrives.
     pub fn radio(&mut self, bytes: &mut Vec<u8>) -> bool {
         if bytes.is_empty() {
             return true;
@@ -393,7 +397,7 @@ mod tests {
         wires
     }
 
-    /// An image in which every byte of an object is the object's number, from 1, and Link-Status is zero.
+    /// Returns an image in which every byte of an object is the object's number, from 1. Link-Status is zero.
     fn image() -> Vec<u8> {
         let layout = Layout::for_receivers(3).unwrap();
         let mut image = vec![0; layout.image_len()];

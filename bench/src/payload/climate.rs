@@ -1,4 +1,4 @@
-//! The climate in the box that the hold keeps: one heat capacity with a loss to its surroundings.
+//! The climate in the hold's payload box. The box has one heat capacity, and loses heat to its surroundings.
 //!
 //! `C dT/dt = P - G (T - Ta)`: C is the heat capacity of box and load, G what the walls pass, Ta the temperature of the
 //! surroundings, P the power of heater or cooler. Between two changes of P the solution is exact. The box is closed, so
@@ -6,7 +6,7 @@
 
 use crate::faults::Rng;
 
-/// The power of the heater and of the cooler (taken out of the box), W.
+/// The heating power of the heater, and the cooling power of the cooler, W.
 const HEATER: f64 = 12.0;
 const COOLER: f64 = 8.0;
 
@@ -19,10 +19,10 @@ pub struct Air {
     pub humidity: f64,
 }
 
-/// The box.
+/// The payload box, with its heater and cooler.
 #[derive(Clone, Debug)]
 pub struct Climate {
-    /// Heat capacity, J/K, and loss, W/K.
+    /// The heat capacity, J/K. The next field is the heat loss, W/K.
     capacity: f64,
     loss: f64,
     /// The temperature of the surroundings, °C.
@@ -30,16 +30,18 @@ pub struct Climate {
     /// The pressure of the vapour in the box, hPa.
     vapour: f64,
     temperature: f64,
-    /// The instant for which the temperature holds, ns.
+    /// The instant, ns, for which the temperature and the vapour pressure hold.
     at: u64,
     heats: bool,
     cools: bool,
-    /// How long heater and cooler have been on since the last call of [`Climate::take_on`], ns.
+    /// The times, ns, for which heater and cooler have been on since the last call of [`Climate::take_on`].
     on: [u64; 2],
+    /// The last instant at which the heater was on, ns.
+    heated: Option<u64>,
 }
 
 impl Climate {
-    /// A box at 0 ns, drawn from `seed`.
+    /// Returns a box at 0 ns whose properties are drawn from `seed`.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         let mut rng = Rng::new(seed);
@@ -56,6 +58,7 @@ impl Climate {
             heats: false,
             cools: false,
             on: [0; 2],
+            heated: None,
         }
     }
 
@@ -69,21 +72,30 @@ impl Climate {
         let power = f64::from(u8::from(self.heats)) * HEATER - f64::from(u8::from(self.cools)) * COOLER;
         let goal = self.surroundings + power / self.loss;
         self.temperature += (self.temperature - goal) * (-self.loss / self.capacity * took as f64 / 1e9).exp_m1();
-        self.on[0] += if self.heats { took } else { 0 };
+        if self.heats {
+            self.on[0] += took;
+            self.heated = Some(at);
+        }
         self.on[1] += if self.cools { took } else { 0 };
     }
 
-    /// Switches heater and cooler from `at` (ns) on.
+    /// Switches heater and cooler on or off from `at` (ns) on.
     pub fn switch(&mut self, at: u64, heats: bool, cools: bool) {
         self.advance(at);
         (self.heats, self.cools) = (heats, cools);
     }
 
-    /// The air in the box at `at` (ns).
+    /// Returns temperature and humidity in the box at `at` (ns).
     pub fn air(&mut self, at: u64) -> Air {
         self.advance(at);
         let humidity = (100.0 * self.vapour / saturation(self.temperature)).min(100.0);
         Air { temperature: self.temperature, humidity }
+    }
+
+    /// The last instant, ns, at which the heater was on, up to the last call that advanced the box.
+    #[must_use]
+    pub fn heated(&self) -> Option<u64> {
+        self.heated
     }
 
     /// How long heater and cooler were on, ns, from the last call to `at` (ns).
@@ -93,7 +105,7 @@ impl Climate {
     }
 }
 
-/// The pressure of saturated vapour at `celsius`, hPa (Magnus formula; WMO-No. 8, annex 4.B).
+/// Returns the pressure of saturated vapour at `celsius`, hPa (Magnus formula; WMO-No. 8, annex 4.B).
 fn saturation(celsius: f64) -> f64 {
     6.112 * (17.62 * celsius / (243.12 + celsius)).exp()
 }
@@ -128,6 +140,9 @@ mod tests {
             assert!(warm.temperature > rest.temperature + 1.0 && rest.temperature > cold.temperature + 1.0);
             assert!(warm.humidity < rest.humidity && rest.humidity < cold.humidity);
             assert_eq!((climate.take_on(30 * S), cooled.take_on(31 * S)), ([30 * S, 0], [0, 31 * S]));
+            climate.switch(32 * S, false, false);
+            climate.air(33 * S);
+            assert_eq!((climate.heated(), cooled.heated()), (Some(32 * S), None));
         }
     }
 

@@ -1,5 +1,4 @@
-//! ST's LIS3DH or LIS2DH12 on I2C: acceleration along three axes. Both have the same registers, as far as they are
-//! modelled.
+//! ST's accelerometer LIS3DH or LIS2DH12 on I2C. Both have the same registers, as far as the model goes.
 //!
 //! | rule | LIS3DH data sheet (DocID17530), LIS2DH12 data sheet (DocID025056) |
 //! |---|---|
@@ -18,7 +17,7 @@
 //! |---|---|
 //! | high-pass filter, self-test, big-endian data, stream-to-FIFO, interrupts on the pins, SPI, ADC | |
 //!
-//! The auxiliary converter and the temperature sensor read 0.
+//! The model leaves out the auxiliary converter and the temperature sensor, which read 0.
 
 use emulator_part::{I2cAnswer, I2cEvent};
 
@@ -26,9 +25,9 @@ use super::normal;
 use super::vibration::{GRAVITY, Vibration};
 use crate::faults::Rng;
 
-/// The address with the direction bit clear.
+/// The sensor's I2C address, with the direction bit clear.
 const ADDRESS: u8 = 0x19 << 1;
-/// How long the registers are loaded after the supply or BOOT, ns.
+/// The time that the sensor takes to load its registers after the supply came on, or on BOOT, ns.
 const BOOTS: u64 = 5_000_000;
 /// The number of samples that the FIFO holds.
 const DEPTH: u64 = 32;
@@ -49,7 +48,7 @@ const FIFO_SRC_REG: u8 = 0x2F;
 /// Noise density, m/s² per √Hz: 220 µg/√Hz at ±2 g in high-resolution mode (LIS3DH data sheet, table 4).
 const NOISE: f64 = 220e-6 * GRAVITY;
 
-/// The state of the transfer.
+/// The state of the I2C transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
     Idle,
@@ -59,43 +58,46 @@ enum State {
     Read,
 }
 
-/// The sampling since the last change of its settings.
+/// The sampling with the present settings.
 #[derive(Clone, Copy, Debug)]
 struct Sampling {
-    /// The instant of sample 0, ns. The next field is the time from one sample to the next.
+    /// The instant of sample 0, ns.
     first: u64,
+    /// The time from one sample to the next, ns.
     period: u64,
-    /// The -3 dB point, Hz.
+    /// The sampling's bandwidth: its -3 dB point, Hz.
     bandwidth: f64,
 }
 
-/// The sensor.
+/// The accelerometer.
 #[derive(Clone, Debug)]
 pub struct Lis3dh {
     state: State,
     registers: [u8; 0x40],
-    /// The register of the next byte, and whether it counts up.
+    /// The register of the next byte.
     register: u8,
+    /// Whether the register number counts up after each byte.
     counts_up: bool,
     rng: Rng,
     /// The error of the data rate, parts per million.
     rate_ppm: i64,
-    /// The instant at which the sensor next answers, ns.
+    /// The instant, ns, until which the sensor does not answer.
     ready_at: u64,
-    /// `None` in power-down.
+    /// The present sampling; `None` in power-down.
     sampling: Option<Sampling>,
-    /// The number of samples that were there when the FIFO was last empty, and the number of those that left it since.
+    /// The number of samples taken when the FIFO was last empty.
     fifo_from: u64,
+    /// The number of samples that were read from the FIFO since it was last empty.
     taken: u64,
-    /// The number of the last sample whose bytes were read, plus one, along each axis.
+    /// For each axis, the number of the last sample of which bytes were read, plus one.
     seen: [u64; 3],
-    /// The sample whose bytes are being read: of each axis where BDU keeps it.
+    /// For each axis, the sample whose bytes are being read, while BDU keeps it from changing.
     kept: [Option<[u8; 2]>; 3],
     misuse: Option<String>,
 }
 
 impl Lis3dh {
-    /// A sensor whose supply came on at 0; `seed` determines its noise and its data rate's error.
+    /// Returns a sensor whose supply came on at 0 ns. `seed` determines its noise and the error of its data rate.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         let mut rng = Rng::new(seed);
@@ -143,7 +145,7 @@ impl Lis3dh {
         self.misuse.get_or_insert(text);
     }
 
-    /// Answers `event` of the controller, which ended at `at` (ns); `vibration` is what it measures.
+    /// Answers `event` of the controller, which ended at `at` (ns). The sensor measures `vibration`.
     pub fn act(&mut self, at: u64, event: I2cEvent, vibration: &Vibration) -> I2cAnswer {
         let yes = I2cAnswer { acknowledged: true, ..I2cAnswer::NOBODY };
         match event {
@@ -218,7 +220,7 @@ impl Lis3dh {
                     (self.fifo_from, self.taken) = (self.samples(at), 0);
                 }
                 if register == CTRL_REG5 && bits(0x80) {
-                    // BOOT loads the factory's trimming; the control registers keep their values.
+                    // BOOT reloads the factory's calibration. The control registers keep their values.
                     self.ready_at = at + BOOTS;
                     self.registers[usize::from(register)] &= 0x7F;
                 }
@@ -255,7 +257,7 @@ impl Lis3dh {
         (self.fifo_from, self.taken, self.seen, self.kept) = (0, 0, [0; 3], [None; 3]);
     }
 
-    /// The number of samples that were taken by `at` (ns).
+    /// Returns the number of samples that were taken by `at` (ns).
     fn samples(&self, at: u64) -> u64 {
         self.sampling.map_or(0, |it| at.checked_sub(it.first).map_or(0, |since| since / it.period + 1))
     }
@@ -264,11 +266,11 @@ impl Lis3dh {
         self.value(CTRL_REG5) & 0x40 != 0 && self.value(FIFO_CTRL_REG) >> 6 != 0
     }
 
-    /// The numbers of the oldest sample in the FIFO and of the one behind the newest.
+    /// Returns the number of the oldest sample in the FIFO, and the number after that of the newest one.
     fn fifo(&self, at: u64) -> (u64, u64) {
         let (oldest, end) = (self.fifo_from + self.taken, self.samples(at));
         if self.value(FIFO_CTRL_REG) >> 6 == 1 {
-            // FIFO mode stops when the FIFO is full, until bypass mode empties it.
+            // In FIFO mode a full FIFO takes no more samples. Only bypass mode empties it.
             (oldest, end.min(self.fifo_from + DEPTH))
         } else {
             (oldest.max(end.saturating_sub(DEPTH)), end)
@@ -308,7 +310,7 @@ impl Lis3dh {
         let (axis, high) = (place / 2, place % 2);
         if self.has_fifo() {
             let (oldest, end) = self.fifo(at);
-            // An empty FIFO gives its last sample again.
+            // A read of an empty FIFO repeats its last sample.
             let number = if oldest < end { oldest } else { end.saturating_sub(1) };
             let byte = self.sample(number, axis, vibration)[high];
             if place == 5 && oldest < end {
@@ -322,7 +324,7 @@ impl Lis3dh {
             Some(value) => value,
             None => self.sample(samples.saturating_sub(1), axis, vibration),
         };
-        // With BDU a sample stays from the read of its first byte to that of its second.
+        // With BDU set, a sample stays the same between the reads of its two bytes.
         self.kept[axis] = if self.kept[axis].is_none() { Some(value) } else { None };
         if high == 1 {
             self.seen[axis] = samples;
@@ -330,7 +332,7 @@ impl Lis3dh {
         value[high]
     }
 
-    /// The two bytes, low byte first, of sample `number` along `axis`.
+    /// Returns the two bytes of sample `number` along `axis`, low byte first.
     fn sample(&self, number: u64, axis: usize, vibration: &Vibration) -> [u8; 2] {
         let Some(Sampling { first, period, bandwidth }) = self.sampling else { return [0; 2] };
         if self.value(CTRL_REG1) >> axis & 1 == 0 {
@@ -379,7 +381,7 @@ mod tests {
         bytes
     }
 
-    /// A sensor with these values of CTRL_REG1 and CTRL_REG4 since 10 ms.
+    /// Returns a sensor that has had these values in CTRL_REG1 and CTRL_REG4 since 10 ms.
     fn set_up(rate: u8, mode: u8) -> Lis3dh {
         let mut sensor = Lis3dh::new(4);
         write(&mut sensor, 10 * MS, CTRL_REG4, &[mode]);

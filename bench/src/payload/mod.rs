@@ -1,5 +1,5 @@
-//! What the active hold measures and acts on: the box that it keeps, and the sensors on its I2C bus, each written from
-//! its data sheet.
+//! The surroundings of the active hold: the payload box that it keeps, and the sensors on its I2C bus. Each is written
+//! from its data sheet.
 //!
 //! | file | what |
 //! |---|---|
@@ -22,7 +22,7 @@ pub use lis3dh::Lis3dh;
 pub use sht4x::Sht4x;
 pub use vibration::{GRAVITY, Shock, Vibration};
 
-/// A number from a normal distribution with standard deviation 1: the sum of twelve uniform ones.
+/// Returns a number from a normal distribution with standard deviation 1, as the sum of twelve uniform ones.
 fn normal(rng: &mut Rng) -> f64 {
     (0..12).map(|_| rng.below(1 << 32) as f64 / f64::from(u32::MAX)).sum::<f64>() - 6.0
 }
@@ -30,13 +30,16 @@ fn normal(rng: &mut Rng) -> f64 {
 /// The payload: its box, its vibration and the sensors.
 #[derive(Clone, Debug)]
 pub struct Payload {
-    /// The climate in the box.
+    /// The climate in the payload box.
     pub climate: Climate,
     /// The vibration.
     pub vibration: Vibration,
     sht4x: Sht4x,
+    /// The bytes that the climate sensor has sent in the present transfer, and when it last sent a whole measurement, ns.
+    sent: Vec<u8>,
+    measured: Option<u64>,
     lis3dh: Lis3dh,
-    /// The sensor that does not answer, and the one that sends random bytes.
+    /// The sensor that does not answer. The next field is the sensor that sends random bytes.
     silent: Option<Sensor>,
     lies: Option<(Sensor, Rng)>,
     /// Whether SDA is held low.
@@ -44,7 +47,7 @@ pub struct Payload {
 }
 
 impl Payload {
-    /// A payload that is drawn from `seed`.
+    /// Returns a payload whose properties are drawn from `seed`.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         let of = |stream: u64| Rng::stream(seed, stream).word();
@@ -52,6 +55,8 @@ impl Payload {
             climate: Climate::new(of(0x481)),
             vibration: Vibration::new(of(0x482)),
             sht4x: Sht4x::new(of(0x483)),
+            sent: vec![],
+            measured: None,
             lis3dh: Lis3dh::new(of(0x484)),
             silent: None,
             lies: None,
@@ -59,17 +64,17 @@ impl Payload {
         }
     }
 
-    /// Makes a sensor, or none, not answer from now on.
+    /// Makes this sensor not answer from now on; `None` ends the fault.
     pub fn silence(&mut self, sensor: Option<Sensor>) {
         self.silent = sensor;
     }
 
-    /// Makes a sensor, or none, send random bytes from now on; the number is their seed.
+    /// Makes this sensor send random bytes from now on, of which the number is the seed; `None` ends the fault.
     pub fn make_lie(&mut self, sensor: Option<(Sensor, u64)>) {
         self.lies = sensor.map(|(sensor, seed)| (sensor, Rng::new(seed)));
     }
 
-    /// Holds SDA low from now on, or lets it go.
+    /// Holds SDA low from now on, or releases it.
     pub fn hold_sda(&mut self, low: bool) {
         self.stuck = low;
     }
@@ -91,16 +96,32 @@ impl Payload {
             (Sensor::Vibration, lis3dh.act(at, event, vibration)),
         ];
         let answer = answers.into_iter().find(|(sensor, answer)| answer.acknowledged && *silent != Some(*sensor));
-        match (answer, lies) {
+        let heard = match (answer, lies) {
             (Some((sensor, answer)), Some((lying, rng))) if sensor == *lying => {
                 I2cAnswer { data: rng.byte(), ..answer }
             }
             (Some((_, answer)), _) => answer,
             (None, _) => I2cAnswer::NOBODY,
+        };
+        match (event, answer) {
+            (I2cEvent::Read(_), Some((Sensor::Climate, _))) => {
+                self.sent.push(heard.data);
+                if sht4x::is_measurement(&self.sent) {
+                    self.measured = Some(at);
+                }
+            }
+            _ => self.sent.clear(),
         }
+        heard
     }
 
-    /// Restarts the sensors, whose supply came on at `at` (ns).
+    /// The instant, ns, at which the climate sensor last sent a whole measurement with the right CRCs.
+    #[must_use]
+    pub fn measured(&self) -> Option<u64> {
+        self.measured
+    }
+
+    /// Restarts the sensors, because their supply came on at `at` (ns).
     pub fn power_on(&mut self, at: u64) {
         self.sht4x.power_on(at);
         self.lis3dh.power_on(at);

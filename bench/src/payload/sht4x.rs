@@ -11,8 +11,8 @@
 //! | ready 1 ms after its supply, a soft reset or a general call reset | table 4, 4.7 |
 //! | repeatability 0.04, 0.07, 0.1 °C and 0.08, 0.15, 0.25 %, each three standard deviations | tables 1, 2 |
 //!
-//! Left out: the heater, whose commands are reported as misuse; the sensor's own time constant, which is below that of
-//! the box.
+//! The model leaves out the heater, whose commands are reported as misuse, and the sensor's own time constant, which is
+//! shorter than the box's.
 
 use emulator_part::{I2cAnswer, I2cEvent};
 
@@ -21,10 +21,10 @@ use crate::faults::Rng;
 
 /// The address with the direction bit clear.
 const ADDRESS: u8 = 0x44 << 1;
-/// The time after the supply or a reset at which the sensor answers, ns.
+/// The time from power-on or reset until the sensor answers, ns.
 const STARTS: u64 = 1_000_000;
 
-/// The time that a measurement takes at most, ns, and three standard deviations of both results, °C and %.
+/// Returns the longest time of a measurement, ns, and three standard deviations of temperature (°C) and humidity (%).
 const fn measurement(command: u8) -> Option<(u64, f64, f64)> {
     match command {
         0xFD => Some((8_300_000, 0.04, 0.08)),
@@ -34,15 +34,15 @@ const fn measurement(command: u8) -> Option<(u64, f64, f64)> {
     }
 }
 
-/// The state of the transfer.
+/// The state of the I2C transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
     Idle,
-    /// The sensor has acknowledged its write header and waits for the command.
+    /// The sensor has acknowledged that it is addressed for a write, and waits for the command.
     Command,
-    /// The general call was addressed.
+    /// The controller addressed the general call.
     GeneralCall,
-    /// The next byte to send.
+    /// The controller reads. The number is the index of the next byte to send.
     Read(usize),
 }
 
@@ -52,15 +52,15 @@ pub struct Sht4x {
     state: State,
     rng: Rng,
     serial: u32,
-    /// The instant at which the sensor next answers, ns.
+    /// The instant, ns, until which the sensor does not answer.
     ready_at: u64,
-    /// The bytes to be read.
+    /// The bytes of a result that the controller has yet to read.
     data: Option<[u8; 6]>,
     misuse: Option<String>,
 }
 
 impl Sht4x {
-    /// A sensor whose supply came on at 0; `seed` determines its serial number and its noise.
+    /// Returns a sensor whose supply came on at 0 ns. `seed` determines its serial number and its noise.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         let mut rng = Rng::new(seed);
@@ -78,7 +78,7 @@ impl Sht4x {
         (self.state, self.data, self.ready_at) = (State::Idle, None, at + STARTS);
     }
 
-    /// Answers `event` of the controller, which ended at `at` (ns), in `air`.
+    /// Answers `event` of the controller, which ended at `at` (ns). The sensor measures `air`.
     pub fn act(&mut self, at: u64, event: I2cEvent, air: impl FnOnce() -> Air) -> I2cAnswer {
         let yes = I2cAnswer { acknowledged: true, ..I2cAnswer::NOBODY };
         match event {
@@ -115,14 +115,14 @@ impl Sht4x {
         }
     }
 
-    /// Ends a transfer. Data are read once.
+    /// Ends a transfer. A result that was read is gone.
     fn close(&mut self) {
         if let State::Read(_) = std::mem::replace(&mut self.state, State::Idle) {
             self.data = None;
         }
     }
 
-    /// Begins to obey `command`; returns whether the sensor knows it.
+    /// Begins to carry out `command`. Returns whether the sensor knows the command.
     fn obey(&mut self, at: u64, command: u8, air: impl FnOnce() -> Air) -> bool {
         match command {
             0x89 => {
@@ -151,11 +151,17 @@ impl Sht4x {
     }
 }
 
-/// Two words, each with its CRC.
+/// Returns two words of an answer, each with its CRC.
 fn words(first: [u8; 2], second: [u8; 2]) -> [u8; 6] {
     let [a, b] = first;
     let [c, d] = second;
     [a, b, crc(first), c, d, crc(second)]
+}
+
+/// Whether `bytes` are the six of a measurement, each word with its CRC.
+pub(super) fn is_measurement(bytes: &[u8]) -> bool {
+    let is_right = |word: &[u8]| crc([word[0], word[1]]) == word[2];
+    bytes.len() == 6 && bytes.chunks(3).all(is_right)
 }
 
 fn crc(bytes: [u8; 2]) -> u8 {
@@ -187,6 +193,12 @@ mod tests {
         addressed.then_some(bytes)
     }
 
+    fn flipped(bytes: &[u8], bit: usize) -> Vec<u8> {
+        let mut bytes = bytes.to_vec();
+        bytes[bit / 8] ^= 1 << (bit % 8);
+        bytes
+    }
+
     #[test]
     fn the_crc_is_the_one_of_the_data_sheet() {
         assert_eq!(crc([0xBE, 0xEF]), 0x92);
@@ -203,6 +215,8 @@ mod tests {
             let data = read(&mut sensor, at + takes).expect("it is over");
             let raw = |at: usize| f64::from(u16::from_be_bytes([data[at], data[at + 1]])) / 65_535.0;
             assert_eq!((data[2], data[5]), (crc([data[0], data[1]]), crc([data[3], data[4]])));
+            assert!(is_measurement(&data) && !is_measurement(&data[..3]));
+            assert!((0..48).all(|bit| !is_measurement(&flipped(&data, bit))));
             assert!((-45.0 + 175.0 * raw(0) - 25.0).abs() < 0.2, "{data:?}");
             assert!((-6.0 + 125.0 * raw(3) - 50.0).abs() < 0.5, "{data:?}");
             assert_eq!(read(&mut sensor, at + 20 * MS), None, "the data were read");

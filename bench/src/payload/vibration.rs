@@ -1,5 +1,5 @@
-//! The vibration of the payload: rotors, frame, shocks, and gravity. Every value follows from seed and instant, so any
-//! instant can be asked in any order.
+//! The vibration of the payload: rotors, frame, shocks, and gravity. Every value follows from seed and instant, so
+//! instants can be queried in any order.
 
 use std::f64::consts::TAU;
 
@@ -8,9 +8,9 @@ use crate::faults::Rng;
 /// Standard gravity, m/s².
 pub const GRAVITY: f64 = 9.80665;
 
-/// The length of the pieces of time in which there is at most one shock, ns.
+/// The vibration is divided into periods of this length, ns, each with at most one shock.
 const PIECE: u64 = 4_000_000_000;
-/// The time from the beginning of a piece in which there is no shock, ns.
+/// The time at the beginning of each [`PIECE`] in which no shock comes, ns.
 const CALM: u64 = 2_000_000_000;
 
 /// A sinusoidal part of the vibration.
@@ -22,18 +22,18 @@ struct Wave {
     amplitudes: [f64; 3],
 }
 
-/// A shock: half a sine.
+/// A shock, whose acceleration over time is half a sine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shock {
-    /// The instant at which it begins, ns.
+    /// The instant at which the shock begins, ns.
     pub at: u64,
-    /// Its length, ns.
+    /// The shock's length, ns.
     pub length: u64,
     /// The greatest acceleration along x, y, z, m/s².
     pub peak: [f64; 3],
 }
 
-/// The source of the vibration.
+/// The vibration that the payload feels.
 #[derive(Clone, Debug)]
 pub struct Vibration {
     seed: u64,
@@ -41,7 +41,7 @@ pub struct Vibration {
 }
 
 impl Vibration {
-    /// A vibration that is drawn from `seed`.
+    /// Returns a vibration that is drawn from `seed`.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         let mut rng = Rng::new(seed);
@@ -56,7 +56,7 @@ impl Vibration {
         Self { seed, waves: waves.to_vec() }
     }
 
-    /// The shock in the piece of time that contains `at` (ns), if there is one.
+    /// Returns the shock in the period that contains `at` (ns), if there is one.
     #[must_use]
     pub fn shock(&self, at: u64) -> Option<Shock> {
         let piece = at / PIECE;
@@ -71,8 +71,8 @@ impl Vibration {
         Some(Shock { at, length, peak })
     }
 
-    /// The acceleration at `at` (ns) along x, y, z, m/s², after a low-pass filter of first order with the -3 dB point
-    /// at `bandwidth` (Hz). A payload at rest measures gravity along z.
+    /// Returns the acceleration at `at` (ns) along x, y, z, m/s², behind a low-pass filter of first order with the -3
+    /// dB point at `bandwidth` (Hz). A payload at rest measures gravity along z.
     #[must_use]
     pub fn acceleration(&self, at: u64, bandwidth: f64) -> [f64; 3] {
         let passes = |hertz: f64| 1.0 / (hertz / bandwidth).hypot(1.0);
@@ -96,8 +96,8 @@ impl Vibration {
         sum
     }
 
-    /// The root mean square along x, y, z, m/s², of what a filter with this -3 dB point (Hz) passes, without gravity
-    /// and shocks.
+    /// Returns the root mean square along x, y, z, m/s², behind a low-pass filter with this -3 dB point (Hz). Gravity
+    /// and shocks do not count.
     #[must_use]
     pub fn rms(&self, bandwidth: f64) -> [f64; 3] {
         [0, 1, 2].map(|axis| {

@@ -17,7 +17,7 @@ type Chart<'a> = ChartContext<'a, SVGBackend<'a>, Cartesian2d<RangedCoordf64, Ra
 const WIDTH: u32 = 1_000;
 const TRACK_HEIGHT: u32 = 720;
 const PANEL_HEIGHT: u32 = 280;
-/// The greatest number of points of a line in the picture. A line is narrower than that in pixels.
+/// The greatest number of points of a line. A line in the picture has fewer pixels than this.
 const MOST_POINTS: usize = 2_000;
 const LEAST_M: f64 = 20.0;
 
@@ -158,7 +158,7 @@ fn ground_track(area: &Panel<'_>, receivers: usize, cycles: &[Drawn]) -> Result<
     let all = || cycles.iter().flat_map(|cycle| cycle.said.iter().take(1).flatten().chain(&cycle.truth));
     let north = range(all().map(|place| place[0]), LEAST_M);
     let east = range(all().map(|place| place[1]), LEAST_M);
-    // Both axes must have the same scale; these are about the width and the height that are left for the chart.
+    // Both axes must have the same scale. The chart has about this width and height.
     let (width, height) = (f64::from(WIDTH) - 86.0, f64::from(TRACK_HEIGHT) - 86.0);
     let metres = ((north.end - north.start) / height).max((east.end - east.start) / width);
     let around = |range: &Range<f64>, pixels: f64| {
@@ -185,7 +185,7 @@ fn over_time(
 ) -> Result<(), Error> {
     let of = |cycle: &Drawn, object: usize| cycle.said[object].map(|said| value(said, cycle.truth));
     let x = range(cycles.iter().map(|cycle| cycle.seconds), 0.1);
-    // The true position determines the range, and a receiver that is far outside is drawn at the edge.
+    // The true position determines the chart's range. A receiver far outside is drawn at the edge.
     let shown = cycles.iter().flat_map(|cycle| {
         let truth = cycle.truth.map(|truth| value(truth, Some(truth)));
         let said = (0..=receivers).filter(|object| *object == 0 || cycle.truth.is_none());
@@ -229,7 +229,8 @@ fn excluded(cycles: &[Drawn], receiver: usize) -> Vec<Range<f64>> {
     spans
 }
 
-/// Draws the time from sample to readable. The longest of several cycles is drawn, so that no long time is hidden.
+/// Draws the time from sample to readable. Of several cycles in one point the longest time is drawn, so that no long
+/// time is hidden.
 fn readable(area: &Panel<'_>, cycles: &[Drawn]) -> Result<(), Error> {
     let x = range(cycles.iter().map(|cycle| cycle.seconds), 0.1);
     let group = cycles.len().div_ceil(MOST_POINTS).max(1);

@@ -1,15 +1,13 @@
 //! The figures and violations of a run of the link.
 //!
 //! The report is a function of the programs, the seed and the flags, except for [`Speed`], which is that of the host.
-//! Times are virtual nanoseconds. The run's clock ([`Report::clock`]) determines all processor times: on the fast clock
-//! they are estimates, and the other two clocks bound those of silicon.
+//! Times are virtual nanoseconds. The run's clock ([`Report::clock`]) determines all processor times. On the fast clock
+//! they are estimates; the other two clocks give bounds for silicon.
 
 use std::collections::BTreeMap;
 
 pub use bench_judge::{Exclusion, Faults, Max, Quantiles, Span};
 use serde::Serialize;
-
-use crate::faults::{Campaign, Class, name_of};
 
 /// The speed of the host. No other part of a report differs between two equal runs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -51,13 +49,13 @@ pub struct Air {
 /// The figures of the DPR, from its own counters.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Dpr {
-    /// The instant of the DPR's last start, ns. The next five fields count from then on.
+    /// The instant of the DPR's last start, ns. The next five fields count from that start.
     pub since_ns: u64,
     /// The number of objects that passed CRC, identifier and freshness.
     pub objects_accepted: u64,
-    /// The number of objects that did not pass CRC, identifier or freshness.
+    /// The number of objects that failed CRC, identifier or freshness.
     pub objects_rejected: u64,
-    /// The number of times that the DPR's deadline for the next frame passed.
+    /// The number of times that the DPR's deadline for the next frame passed without a frame.
     pub frames_missed: u64,
     /// The number of receive buffers scrubbed.
     pub scrubs: u64,
@@ -70,9 +68,9 @@ pub struct Dpr {
 /// The time until the flight controller can read the data.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Latency {
-    /// The time from the objects' timestamp until the next transaction can read their image, ns.
+    /// The time from the objects' timestamp until the next transaction could read their image, ns.
     pub sample_to_readable: Option<Quantiles>,
-    /// The time from the cycle's last bit on the air until the cycle's image is readable by the next transaction, ns.
+    /// The time from the cycle's last bit on the air until the next transaction could read the cycle's image, ns.
     pub last_bit_to_readable: Option<Max>,
 }
 
@@ -96,11 +94,13 @@ pub struct Ssi {
 /// The figures of Reported-Position as the flight controller reads it.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Reported {
-    /// The number of HORUS's cycles whose Reported-Position was read and had a valid position.
+    /// The number of HORUS's cycles whose Reported-Position was read with a valid position.
     pub valid_cycles: u64,
-    /// The instant, ns, of the first transaction after the last valid position; `None` if there is none.
+    /// The instant, ns, of the first transaction after the last one that read a valid position; `None` if there is
+    /// none.
     pub invalid_since_ns: Option<u64>,
-    /// The instant, ns, at which each receiver's last valid position had arrived at HORUS; `None` if there was none.
+    /// The instant, ns, at which each receiver's last valid position had arrived at HORUS; `None` without a valid
+    /// position.
     pub last_solution_ns: Vec<Option<u64>>,
 }
 
@@ -134,51 +134,14 @@ pub struct Base {
     pub bad_crc: u64,
 }
 
-/// The outcomes of upsets of one kind on one board.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct UpsetClasses {
-    /// The number of upsets that did not change what the flight controller read.
-    pub masked: usize,
-    /// The number of upsets that changed what the flight controller read, but that showed no invalid data as valid.
-    pub detected: usize,
-    /// The number of upsets after which invalid data were shown as valid.
-    pub dangerous: usize,
-}
-
-/// The outcomes of upsets.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Upsets {
-    /// The numbers of upsets in each class, by board and kind of memory, such as `dpr ram`.
-    pub classes: BTreeMap<String, UpsetClasses>,
-    /// The dangerous upsets as text: instant, address or register, and violation.
-    pub dangerous: Vec<String>,
-}
-
-impl From<&Campaign> for Upsets {
-    fn from(campaign: &Campaign) -> Self {
-        let mut upsets = Self::default();
-        for trial in &campaign.trials {
-            let name = format!("{} {}", name_of(trial.board), trial.upset.kind());
-            let classes = upsets.classes.entry(name).or_default();
-            *match trial.class {
-                Class::Masked => &mut classes.masked,
-                Class::Detected => &mut classes.detected,
-                Class::Dangerous => &mut classes.dangerous,
-            } += 1;
-        }
-        upsets.dangerous = campaign.dangerous().map(ToString::to_string).collect();
-        upsets
-    }
-}
-
 /// The commands of one writer to the active hold.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Commands {
     /// The number of commands sent.
     pub sent: u64,
-    /// The number of them that the hold has acknowledged.
+    /// The number of commands that the hold has acknowledged.
     pub acknowledged: u64,
-    /// The number of them that the writer has given up, or that were lost when the hold restarted.
+    /// The number of commands that the writer has given up, or that were lost when the hold restarted.
     pub lost: u64,
 }
 
@@ -187,19 +150,19 @@ pub struct Commands {
 pub struct Hold {
     /// The number of frames that the hold has sent.
     pub frames_sent: u64,
-    /// The number of them that arrived at the DPR's antenna whole and unchanged.
+    /// The number of the hold's frames that arrived at the DPR's antenna whole and unchanged.
     pub frames_delivered: u64,
-    /// The number of answers on the air, those of a foreign card included.
+    /// The number of answers on the air, including those of a foreign card.
     pub answers_sent: u64,
-    /// The number of them that arrived at the hold's antenna whole and unchanged.
+    /// The number of answers that arrived at the hold's antenna whole and unchanged.
     pub answers_delivered: u64,
-    /// The number of readings of the map with a valid Hold-Status.
+    /// The number of transactions that read a valid Hold-Status.
     pub read: u64,
-    /// The number of readings of the map without a valid Hold-Status.
+    /// The number of transactions that read the hold's object but found no valid Hold-Status.
     pub vacant: u64,
-    /// The base station's commands.
+    /// The base station's commands to the hold.
     pub base_station: Commands,
-    /// The flight controller's commands.
+    /// The flight controller's commands to the hold.
     pub flight_controller: Commands,
     /// The fraction of the time in which the hold's core was awake.
     pub load: f64,
@@ -234,14 +197,11 @@ pub struct Report {
     pub voter: Voter,
     /// The figures of the base station.
     pub base: Base,
-    /// The active hold, where there is one.
+    /// The figures of the active hold, if the run has one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hold: Option<Hold>,
     /// The injected faults and their consequences.
     pub faults: Faults,
-    /// The outcomes of upsets of RAM, flash and registers, if any were tried.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub upsets: Option<Upsets>,
     /// The violations as text.
     pub violations: Vec<String>,
 }

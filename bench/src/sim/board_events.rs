@@ -8,7 +8,7 @@ use st25r3916_model::Chip;
 use crate::boards::{Powered, supply};
 use crate::faults::PowerFault;
 use crate::faults::image::Repair;
-use crate::faults::{Episode, Fault, Turn, interrupt_of};
+use crate::faults::{Episode, Fault, Turn, interrupt_of, is_step};
 use emulator_node::{FindingKind, FromOutside, Node};
 
 pub(super) fn injected(now: u64, episode: &Episode) -> What {
@@ -38,7 +38,7 @@ pub(super) struct BoardEvents {
     side: Side,
     events: Vec<Event>,
     restarts: usize,
-    /// Whether the firmware must stop, because the supply supervisor has warned it of a falling supply since its start.
+    /// Whether the firmware must stop: since its start the supply supervisor has warned it of a falling supply.
     warned: bool,
     /// Whether the board last started without the crystal that its firmware needs.
     without_crystal: bool,
@@ -113,7 +113,7 @@ impl BoardEvents {
     /// Begins, changes or ends an episode of a fault of this board: supply, core, front-end chip, memory or program.
     pub(super) fn turn<B: Powered, C: Cost>(&mut self, node: &mut Node<B, C>, turn: &Turn) {
         let now = node.now();
-        // This episode did not cause the restarts before it, so these are recorded as unexpected.
+        // Restarts before this episode were not caused by it, so they are recorded as unexpected.
         self.watch(node);
         let powered = node.is_powered();
         match turn {
@@ -121,7 +121,24 @@ impl BoardEvents {
                 if let Fault::DeadTask(_, task) = episode.fault {
                     match interrupt_of(self.side, task) {
                         Some(line) if node.switch_interrupt_off(line) => self.injected(now, episode),
-                        // The interrupt is not enabled yet, and the board's next start would enable it.
+                        // A start enables the interrupt, so a task whose interrupt is not enabled yet would not stay
+                        // dead.
+                        Some(_) => {}
+                        None => self.note(now, no_task(self.side, task)),
+                    }
+                    return;
+                }
+                if let Fault::Spurious(_, task) = episode.fault {
+                    match interrupt_of(self.side, task) {
+                        Some(line) if !node.is_hung() && node.raise_interrupt(line) => {
+                            self.injected(now, episode);
+                            // The board has to enter its safe state.
+                            if is_step(self.side, task) {
+                                self.note(now, What::Hung { board: self.side });
+                                self.note(now, What::Warned { board: self.side });
+                            }
+                        }
+                        // The firmware has not enabled the interrupt yet, or its task is about to run anyway.
                         Some(_) => {}
                         None => self.note(now, no_task(self.side, task)),
                     }
@@ -142,6 +159,7 @@ impl BoardEvents {
                     Fault::Chip(_, chip) => node.board_mut(|board| board.front_end().begin_chip_fault(*chip)),
                     Fault::Flip(_, place) => node.board_mut(|board| board.front_end().flip(*place)),
                     Fault::Buffer(buffer) => self.apply(node, now, |node| buffer.begin(node)),
+                    Fault::Drift(_, ppb) => B::drift(node, *ppb),
                     Fault::Upset(_, upset) => self.apply(node, now, |node| upset.apply(node)),
                     Fault::Image(_, image) => match image.apply(node) {
                         Ok(repair) => self.repairs.push((episode.fault.clone(), repair)),
@@ -154,6 +172,7 @@ impl BoardEvents {
                     | Fault::FlightController(_)
                     | Fault::Wire(_)
                     | Fault::DeadTask(..)
+                    | Fault::Spurious(..)
                     | Fault::Hold(_)
                     | Fault::Base(_) => {}
                 }
@@ -163,12 +182,13 @@ impl BoardEvents {
                 Fault::Power(_, power) => {
                     power.end(node);
                     self.note_crystal(now, *power, true);
-                    // A firmware that waits for the crystal would otherwise continue its start.
+                    // A firmware that waits for the crystal would go on with its start once the crystal works.
                     if matches!(power, PowerFault::CrystalDead) && self.without_crystal {
                         node.restart(FromOutside::Pin);
                     }
                 }
                 Fault::Chip(_, chip) => node.board_mut(|board| board.front_end().end_chip_fault(*chip)),
+                Fault::Drift(_, ppb) => B::drift(node, -ppb),
                 Fault::Buffer(buffer) => buffer.end(node),
                 Fault::Image(..) => {
                     if let Some(place) = self.repairs.iter().position(|(of, _)| of == fault) {

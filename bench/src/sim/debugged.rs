@@ -11,7 +11,8 @@ use crate::boards::{Dpr, Horus};
 use crate::faults::Faults;
 use emulator_node::{Course, Node, Way};
 
-/// A run of the link whose boards may be halted. Only a debugger's changes alter its outcome.
+/// A run of the link whose boards a debugger may halt. Halts leave the outcome as it is; only changes by the debugger
+/// alter it.
 pub struct Debugged<C: Cost> {
     bench: Bench<C>,
     course: Course<AirEvent>,
@@ -20,8 +21,8 @@ pub struct Debugged<C: Cost> {
 }
 
 impl<C: Cost> Debugged<C> {
-    /// Returns the bench at power-on, which uses one thread regardless of `setup`, because a halted board also halts
-    /// the other board.
+    /// Returns the bench at power-on. It uses one thread whatever `setup` says, because a halted board also halts the
+    /// other.
     ///
     /// # Errors
     ///

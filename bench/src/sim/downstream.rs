@@ -34,7 +34,7 @@ const STATION_EVERY: u64 = 100_000_000;
 
 #[derive(Clone, Copy, Debug)]
 enum Seen {
-    /// The DPR restarted, and its SPIS has no buffers until the firmware gives it some.
+    /// The DPR restarted. Its SPIS has no buffers until the firmware gives it some.
     Restart,
     Fresh(bool),
     Spis(SpisEvent),
@@ -45,21 +45,23 @@ pub(super) struct Link<C: Cost> {
     air: Air,
     /// The active hold; `None` without one.
     hold: Option<Beside<C>>,
-    /// The instant up to which the air has all inputs, ns. The poller's emissions are passed on up to a millisecond
-    /// ahead of the DPR.
+    /// The instant, ns, up to which the air has received all its inputs. The poller's emissions reach it up to a
+    /// millisecond before the DPR gets there.
     air_at: u64,
     flight_controller: FlightController,
     base: BaseStation,
     base_faults: Vec<BaseFault>,
     wires: Wires,
     faults: Timeline,
-    /// The present faults of the air, each with the instant (ns) of its beginning. Only the last one has an effect.
+    /// The present faults of the air, each with the instant (ns) of its beginning. Only the one that began last has an
+    /// effect.
     air_faults: Vec<(u64, AirFaults)>,
     dpr_events: BoardEvents,
     recorder: Recorder,
-    /// The instant at which FRESH rose, while it is not yet known which image the next transaction would read.
+    /// The instant at which FRESH rose. It waits here until it is known which image the next transaction would read.
     announced: Option<u64>,
-    /// The beginning of HORUS's present transaction with a receiver, ns, whose bytes are logged only at its end.
+    /// The beginning, ns, of HORUS's unfinished transaction with a receiver. The transaction's bytes are logged when it
+    /// ends.
     untold_since: u64,
     /// The bytes that a transaction would read now; `None` if a transaction is under way or the SPIS has no buffers.
     offer: Option<Vec<u8>>,
@@ -71,7 +73,7 @@ pub(super) struct Link<C: Cost> {
     trace: Option<Vec<Mark>>,
     tasks: Option<TaskWatch>,
     sweeping: Option<Sweeping>,
-    /// HORUS's log lines that are later than the DPR's present instant, because HORUS runs ahead.
+    /// HORUS's log lines from instants that the DPR has yet to reach, because HORUS runs ahead.
     horus_lines: VecDeque<LogLine>,
 }
 
@@ -133,7 +135,7 @@ impl<C: Cost> Link<C> {
         self.hold.as_mut().map(Beside::take_log).unwrap_or_default()
     }
 
-    /// The run's header.
+    /// Returns the header of the run's log.
     pub(super) fn header(&self) -> &Header {
         self.recorder.header()
     }
@@ -155,7 +157,7 @@ impl<C: Cost> Link<C> {
         Some(self.hold.as_ref()?.figures(self.flight_controller.hold()?))
     }
 
-    /// Judges everything before `reached` (ns), which both boards have passed.
+    /// Simulates and judges everything before `reached` (ns), an instant that both boards have passed.
     pub(super) fn come_to(&mut self, reached: u64, dpr: &mut Node<Dpr, C>) {
         self.watch_dpr(dpr);
         self.advance_air(reached, dpr);
@@ -168,7 +170,7 @@ impl<C: Cost> Link<C> {
         self.recorder.release(known);
     }
 
-    /// Records the base station's display at `now` (ns) if a record is due or the alarms have changed.
+    /// Records what the base station displays at `now` (ns), if a record is due or the alarms have changed.
     fn note_station(&mut self, now: u64) {
         let drone = self.base.drone();
         let calm = self.base_faults.contains(&BaseFault::Calm);
@@ -199,12 +201,14 @@ impl<C: Cost> Link<C> {
         self.flight_controller.take_images()
     }
 
-    /// Takes each Port-Status with the base station's uplink that was read since the last call, with its instant (ns).
+    /// Takes what the flight controller has read since the last call: each Port-Status with the base station's uplink,
+    /// and its instant (ns).
     pub(super) fn take_ports(&mut self) -> Vec<(u64, Vec<u8>)> {
         self.flight_controller.take_ports()
     }
 
-    /// Takes what was read in the place of the hold's object since the last call, with its instant (ns).
+    /// Takes the bytes at the place of the hold's object that were read since the last call, each with its instant
+    /// (ns).
     pub(super) fn take_holds(&mut self) -> Vec<(u64, Vec<u8>)> {
         self.flight_controller.take_holds()
     }
@@ -217,7 +221,7 @@ impl<C: Cost> Link<C> {
         self.tasks = Some(tasks);
     }
 
-    /// Takes the marks of the wires since the last call, for the trace; empty without one.
+    /// Takes the signals of the wires since the last call, for the trace; empty without a trace.
     pub(super) fn take_marks(&mut self, dpr: &mut Node<Dpr, C>) -> Vec<Mark> {
         let Some(trace) = &mut self.trace else { return vec![] };
         let crossings = dpr.board_mut(|board| board.front_end.take_crossings());
@@ -228,7 +232,7 @@ impl<C: Cost> Link<C> {
         std::mem::take(trace)
     }
 
-    /// Ends the run at `end` (ns).
+    /// Ends the run at the instant `end` (ns).
     pub(super) fn finish(mut self, end: u64, evidence: Vec<What>, dpr: &mut Node<Dpr, C>) -> Ended {
         self.come_to(end, dpr);
         self.offered(None);
@@ -291,7 +295,7 @@ impl<C: Cost> Link<C> {
         self.note_air();
     }
 
-    /// Advances the air to `to` (ns) and passes on the frames that the air delays or repeats. The poller has emitted
+    /// Advances the air to `to` (ns), and passes on the frames that the air delays or repeats. The poller has emitted
     /// everything before that instant.
     fn advance_air(&mut self, to: u64, node: &mut Node<Dpr, C>) {
         let Self { air, recorder, .. } = self;
@@ -335,7 +339,8 @@ impl<C: Cost> Link<C> {
         }
     }
 
-    /// Places the sweep's transactions around the end of a frame that began at `at` (ns) and has this LEN.
+    /// Places transactions around the end of a frame that began at `at` (ns) and has this LEN, if the run sweeps
+    /// through all phases.
     fn place_transactions(&mut self, at: u64, len: u8) {
         let Some(sweeping) = &mut self.sweeping else { return };
         let config = *self.flight_controller.config();
@@ -367,7 +372,8 @@ impl<C: Cost> Link<C> {
         }
         seen.extend(node.resets()[self.restarts..].iter().map(|reset| (reset.at, Seen::Restart)));
         self.restarts = node.resets().len();
-        // The firmware gives an image to the SPIS before it raises FRESH. At equal instants FRESH is handled first.
+        // If both events have the same instant, FRESH is handled first, although the firmware gives the image to the
+        // SPIS before it raises FRESH.
         seen.extend(spis.into_iter().map(|(cycle, _, event)| (node.ns(cycle), Seen::Spis(event))));
         seen.sort_by_key(|(at, _)| *at);
         for (at, what) in seen {
@@ -408,11 +414,12 @@ impl<C: Cost> Link<C> {
         if high {
             self.offered(None);
             self.announced = Some(at);
-            // FRESH rose while a transaction was under way, even if that transaction ended at the same instant.
+            // FRESH rose while a transaction was under way. This also holds if the transaction ended at the same
+            // instant.
             if self.selected || at <= self.deselected {
                 self.offered(None);
             } else if self.offer.is_some() {
-                // If the SPIS already has an image, this rise announces it.
+                // The SPIS already has an image, which this rise of FRESH announces.
                 self.offered(self.offer.clone());
             }
         } else {
@@ -420,7 +427,7 @@ impl<C: Cost> Link<C> {
         }
     }
 
-    /// Records the last rise of FRESH with `image`, which a transaction would read after it.
+    /// Records the last rise of FRESH. `image` is what a transaction after that rise would read.
     fn offered(&mut self, image: Option<Vec<u8>>) {
         if let Some(at) = self.announced.take() {
             self.recorder.note(at, What::Fresh { high: true, offered: image.map(Bytes) });
@@ -468,6 +475,7 @@ impl<C: Cost> Link<C> {
             Fault::Power(..)
                 | Fault::Hang(_)
                 | Fault::DeadTask(..)
+                | Fault::Spurious(..)
                 | Fault::Chip(..)
                 | Fault::Buffer(_)
                 | Fault::Upset(..)
@@ -523,7 +531,7 @@ impl<C: Cost> Link<C> {
     /// Begins, changes or ends an episode of a fault of the board itself.
     fn turn_board(&mut self, turn: &Turn, node: &mut Node<Dpr, C>) {
         self.dpr_events.turn(node, turn);
-        // A board without supply offers no image. Other restarts are handled by `watch_dpr`.
+        // A board without supply offers no image. `watch_dpr` handles all other restarts.
         if !node.is_powered() {
             self.offered(None);
             self.offer = None;
@@ -620,7 +628,7 @@ impl<C: Cost> Downstream<Dpr, C> for Link<C> {
     }
 }
 
-/// The counters of both firmwares and the loads of both cores at the end of a run.
+/// Reads the counters of both firmwares, and the loads of both cores, at the end of a run.
 pub(super) fn evidence<C: Cost>(horus: &Node<Horus, C>, dpr: &Node<Dpr, C>, receivers: usize) -> Vec<What> {
     let mut evidence = vec![];
     evidence.extend(super::telemetry::counters(horus, dpr, receivers));

@@ -1,4 +1,4 @@
-//! Flips every bit of every register of both front ends once.
+//! Flips every bit in the registers of both front ends, each bit once.
 //!
 //! Each flip happens on a separate copy of a bench whose link is up, and the copy runs on for [`FOR_NS`]. The outcome
 //! has the time in which the flight controller read no valid and new data, and what Link-Status reported in that time.
@@ -13,7 +13,7 @@ use profile::{LinkStatus, LinkStatusBits, Object};
 use st25r3916_model::Config;
 
 use super::{Bench, Error, Setup, on_the_link};
-use crate::faults::campaign::is_dangerous;
+use crate::danger::is_dangerous;
 use crate::faults::chip::FLIP_MENDED;
 use crate::faults::{Board, Fault, Faults, RegisterBit, name_of};
 use emulator_node::{Clock, Threads};
@@ -21,9 +21,10 @@ use emulator_node::{Clock, Threads};
 /// The longest time from a flip of a register's bit until the flight controller reads valid data again, ns.
 pub const VALID_AGAIN: u64 = 1_500_000_000;
 const WARM: u64 = 600_000_000;
-/// How long each copy runs after its flip, ns. A link that recovers and fails again shows this within that time.
+/// The time for which each copy runs after its flip, ns. It is long enough to show a link that recovers and fails
+/// again.
 pub const FOR_NS: u64 = 2_000_000_000;
-/// The longest time between two readings of new data in a working link, ns, with a margin.
+/// The longest time, ns, between two readings of new data while the link works, with a margin.
 const GAP: u64 = 35_000_000;
 
 /// The outcome of a flip.
@@ -33,12 +34,13 @@ pub struct Flip {
     pub part: &'static str,
     /// The board of the front end whose bit is flipped.
     pub board: Board,
-    /// The bit that is flipped.
+    /// The time from the flip until valid and new data were read again and without a further gap, ns; `None` if they
+    /// were still missing at the end.
     pub bit: RegisterBit,
-    /// The time from the flip until valid and new data were read to the end, ns; `None` if they were missing at the
-    /// end.
+    /// The number of readings without valid and new data, by the report in Link-Status: link down, faulty front end,
+    /// neither.
     pub back_after: Option<u64>,
-    /// The readings without valid and new data, by what Link-Status reported: link down, faulty front end, neither.
+    /// The violations, as text, in which invalid data were shown as valid.
     pub said: [u32; 3],
     /// Texts of invalid data that were shown as valid.
     pub dangerous: Vec<String>,
@@ -51,7 +53,7 @@ impl Flip {
         self.back_after.is_some_and(|after| after <= VALID_AGAIN) && self.dangerous.is_empty()
     }
 
-    /// Whether valid and new data were missing and no reading reported a cause.
+    /// Whether valid and new data were missing although no reading reported a cause.
     #[must_use]
     pub fn unsaid(&self) -> bool {
         self.back_after != Some(0) && self.said[..2] == [0, 0]
@@ -103,7 +105,7 @@ impl fmt::Display for Flips {
     }
 }
 
-/// Flips every bit, of both chips' registers, whose index `takes` accepts, and calls `each` with every outcome.
+/// Flips every bit of both chips' registers whose index `takes` accepts. Calls `each` with every outcome.
 ///
 /// # Errors
 ///
@@ -151,7 +153,7 @@ fn of_part<C: Cost>(
                 continue;
             }
             let mut copy = bench.clone();
-            // Each flip has another phase of the cycle, so a few flips coincide with a frame.
+            // Each flip has another phase in the cycle, so that some flips coincide with a frame.
             let at = bench.now() + 1_000_000 + place as u64 * 7_310_000 % 10_000_000;
             copy.add_faults(&Faults::none().with(at, at + FLIP_MENDED, Fault::Flip(board, place as u64)));
             copy.keep_log();
@@ -167,11 +169,11 @@ fn of_part<C: Cost>(
     }
 }
 
-/// Returns the time after `at` until valid and new data were read for good, ns, and the readings before that by what
-/// Link-Status reported: link down, faulty front end, neither.
+/// Returns the time, ns, from `at` until valid and new data were read without a further gap. Also returns the number of
+/// readings before that, by the report in Link-Status: link down, faulty front end, neither.
 fn read(events: &[Event], at: u64, end: u64) -> (Option<u64>, [u32; 3]) {
     let mut status: Vec<(u64, LinkStatusBits)> = vec![];
-    // `last` is the instant of the latest new data, and `back` the time from the flip to the end of the last gap.
+    // `last` is the instant of the latest new data. `back` is the time from the flip to the end of the last gap.
     let (mut last, mut back) = (at, Some(0));
     let mut newest = None;
     for event in events {

@@ -395,7 +395,10 @@ impl<C: Cost> Beside<C> {
             let took = now - std::mem::replace(&mut self.payload_from, now);
             let [heater, cooler] = on.map(|on| (on * 10_000 / took.max(1)) as u16);
             let (temperature, humidity) = ((air.temperature * 1e3) as i32, (air.humidity * 1e3) as u32);
-            recorder.note(reached, What::Hold(HoldEvent::Payload { heater, cooler, temperature, humidity }));
+            let payload = &self.node.board().payload;
+            let (heated, measured) = (payload.climate.heated(), payload.measured());
+            let event = HoldEvent::Payload { heater, cooler, temperature, humidity, heated, measured };
+            recorder.note(reached, What::Hold(event));
         }
         reached.min(self.reached)
     }

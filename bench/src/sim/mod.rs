@@ -8,7 +8,6 @@
 //! with exact results, but the DPR never runs ahead of HORUS. [`Bench`] holds the whole bench as plain data.
 
 mod board_events;
-mod campaign;
 mod debugged;
 mod downstream;
 pub mod flips;
@@ -28,7 +27,7 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use bench_judge::{Findings, Header, Log, LogWriter, Verdict};
+use bench_judge::{Event, Findings, Header, Log, LogWriter, Verdict};
 use cortex_m4::{Cost, Fast, Optimistic, Pessimistic};
 use emulator_part::Part;
 use gnss_sim::{Flight, LogError, Port, Receiver};
@@ -40,7 +39,7 @@ pub use st25r3916_model::Config as FrontEndConfig;
 use stm32f429::{Oscillators, Stm32f429};
 
 use crate::boards::{self, Dpr, Horus};
-use crate::faults::{Campaign, Faults, Options, Rng};
+use crate::faults::{Faults, Rng};
 use crate::report::{self, Report};
 use crate::trace::{self, Mark, TaskWatch, Trace};
 use crate::world::flight_controller::{self, Schedule};
@@ -55,7 +54,7 @@ use upstream::Receivers;
 /// The interval at which the caller receives the run's progress and the log lines, virtual ns.
 const STEP: u64 = 10_000_000;
 
-/// The shortest time from the end of a piece of the run to the beginning of an added fault, ns. A board may be past
+/// The shortest time, ns, by which an added fault must lie after the end of a piece of the run. A board may be past
 /// that end, because it completes its last instruction.
 pub const AHEAD_NS: u64 = 100_000;
 
@@ -112,7 +111,7 @@ pub struct Crystals {
     pub dpr_ppb: i64,
     /// The error of the flight controller's crystal.
     pub flight_controller_ppb: i64,
-    /// The error on the hold's board, for the crystals of the microcontroller and of the front end.
+    /// The error of both crystals on the hold's board: the microcontroller's and the front end's.
     pub hold_ppb: i64,
 }
 
@@ -121,7 +120,7 @@ pub struct Crystals {
 pub struct Setup {
     /// The two ELF files, which must be built for the number of receivers in `gps`.
     pub images: Images,
-    /// The ELF file of an active hold beside the DPR, whose ELF file then has the second port; `None` for no hold.
+    /// The ELF file of an active hold; `None` for no hold. With a hold, the DPR's ELF file must have the second port.
     pub hold: Option<PathBuf>,
     /// The contents of the boards' flash, if given. It must already hold the programs of these ELF files, which are
     /// then not loaded.
@@ -136,7 +135,8 @@ pub struct Setup {
     pub threads: Threads,
     /// The seed that determines all random values.
     pub seed: u64,
-    /// A recorded log for each receiver in turn, which replaces the generated flight.
+    /// The recorded log of receiver 1, of receiver 2 and so on, which replaces the generated flight. A receiver with
+    /// `None`, or without an entry, receives the generated flight.
     pub recordings: Vec<Option<PathBuf>>,
     /// The number of solutions a second of every generated receiver. A receiver then refuses any other period.
     pub receiver_hz: Option<u32>,
@@ -144,15 +144,16 @@ pub struct Setup {
     pub factory_settings: bool,
     /// The errors of the crystals.
     pub crystals: Crystals,
-    /// The settings of both boards' front ends, except for their crystals, seeds and supplies.
+    /// The settings of both boards' front ends. Their crystals, seeds and supplies are set elsewhere.
     pub front_ends: FrontEndConfig,
     /// The injected faults.
     pub faults: Faults,
-    /// Whether the flight controller writes uplinks and commands, and now and then reads the whole map.
+    /// Whether the flight controller writes uplinks and commands. It then also reads the whole map now and then.
     pub writes: bool,
-    /// Whether the base station's uplinks come by [`Observer::uplink`]; otherwise the flight controller generates them.
+    /// Whether the base station's uplinks come from [`Observer::uplink`]. Otherwise the flight controller generates
+    /// them.
     pub relays: bool,
-    /// A sweep of transactions through every phase, which replaces the flight controller's reads in its control cycle.
+    /// A sweep of transactions through every phase, in place of the flight controller's reads in each control cycle.
     pub sweep: Option<Sweep>,
     /// The trace file of the wires and the tasks, ending in `.vcd` or `.fst`.
     pub trace: Option<PathBuf>,
@@ -203,8 +204,8 @@ pub trait Observer {
     /// A board logged a line.
     fn log(&mut self, board: &str, line: &str);
 
-    /// The flight controller has read an undamaged image in a transaction that ended at `virtual_ns`. The calls come in
-    /// order, before [`progress`](Self::progress) for that instant.
+    /// The flight controller has read an undamaged image in a transaction that ended at `virtual_ns`. Images come in
+    /// order, and before [`progress`](Self::progress) is called for that instant.
     fn image(&mut self, virtual_ns: u64, image: &[u8]) {
         let _ = (virtual_ns, image);
     }
@@ -215,13 +216,13 @@ pub trait Observer {
         let _ = (virtual_ns, port);
     }
 
-    /// The flight controller has read the place of the hold's object (64 bytes), if there is a hold and
-    /// [`Setup::writes`] is set. The place may be vacant.
+    /// The flight controller has read the 64 bytes at the place of the hold's object, if there is a hold and
+    /// [`Setup::writes`] is set. The bytes may be vacant.
     fn hold(&mut self, virtual_ns: u64, object: &[u8]) {
         let _ = (virtual_ns, object);
     }
 
-    /// Returns an uplink of the base station that has arrived by radio, if any. Called after
+    /// Returns an uplink of the base station that has arrived by radio, if any. It is called after
     /// [`progress`](Self::progress).
     fn uplink(&mut self, virtual_ns: u64) -> Option<Uplink> {
         let _ = virtual_ns;
@@ -238,13 +239,13 @@ pub trait Observer {
         u64::MAX
     }
 
-    /// Whether the run ends now. Called after each piece of the run.
+    /// Whether the run ends now. It is called after each piece of the run.
     fn ends(&mut self) -> bool {
         false
     }
 
-    /// Returns faults to add to the run. Called after each piece, which ended at `virtual_ns`. No episode may begin
-    /// earlier than [`AHEAD_NS`] after that instant.
+    /// Returns faults to add to the run. It is called after each piece, which ended at `virtual_ns`. No episode may
+    /// begin earlier than [`AHEAD_NS`] after that instant.
     fn faults(&mut self, virtual_ns: u64) -> Faults {
         let _ = virtual_ns;
         Faults::none()
@@ -267,7 +268,7 @@ pub struct Outcome {
     pub base: BaseStation,
     /// Every log line of both boards, each with its board.
     pub logs: Vec<(&'static str, String)>,
-    /// The outcome of each phase of [`Setup::sweep`].
+    /// The outcome of each phase of [`Setup::sweep`], if there was a sweep.
     pub phases: Vec<Phase>,
 }
 
@@ -323,7 +324,7 @@ pub struct Finished {
     pub phases: Vec<Phase>,
 }
 
-/// Returns a board with this program, which is loaded or is already in the memory that the board kept.
+/// Returns a board with this program. The program is loaded, or is already in the memory that the board kept.
 fn switched_on<B: Board, C: Cost>(
     mut part: B::Part,
     board: B,
@@ -360,7 +361,7 @@ impl<C: Cost> Bench<C> {
         let recorded = setup.recordings.iter().any(Option::is_some);
         let traced = setup.trace.is_some() || setup.wires;
         let Crystals { horus_ppb, dpr_ppb, flight_controller_ppb, hold_ppb } = setup.crystals;
-        // The expansion boards supply the front end's chip from the 5 V of their header.
+        // ST's expansion boards supply the front end's chip from the 5 V of their header.
         let chip = |crystal_ppb, seed| {
             Chip::new(FrontEndConfig { crystal_ppb, seed, vdd_mv: 5000, ..setup.front_ends.clone() })
         };
@@ -417,6 +418,11 @@ impl<C: Cost> Bench<C> {
     /// Keeps the event log from now on, for [`Finished::log`].
     pub fn keep_log(&mut self) {
         self.relay.downstream.keep_log();
+    }
+
+    /// Takes the event log since [`Bench::keep_log`] or the last call.
+    pub fn take_log(&mut self) -> Vec<Event> {
+        self.relay.downstream.take_log()
     }
 
     /// Runs the bench to `end` (virtual ns), and calls `each` every 10 ms with instant, DPR and surroundings.
@@ -478,19 +484,19 @@ impl<C: Cost> Bench<C> {
         &self.relay.b
     }
 
-    /// The violations in the part of the run that has been judged, which is all but the last few milliseconds.
+    /// The violations in the part of the run that has been judged: all of it but the last few milliseconds.
     #[must_use]
     pub fn findings(&self) -> &Findings {
         self.relay.downstream.findings()
     }
 
-    /// Adds faults to those of the setup. Their episodes must begin after [`Bench::now`].
+    /// Adds faults to those of the setup. Each episode must begin after [`Bench::now`].
     pub fn add_faults(&mut self, faults: &Faults) {
         self.relay.upstream.add_faults(faults);
         self.relay.downstream.add_faults(faults);
     }
 
-    /// Ends the run at `reached` (virtual ns) and returns its outcome.
+    /// Ends the run at `reached` (virtual ns), and returns its outcome.
     #[must_use]
     pub fn finish(self, reached: u64) -> Finished {
         let Relay { a, mut b, downstream, .. } = self.relay;
@@ -514,7 +520,7 @@ fn report<C: Cost>(
 ) -> Report {
     let figures = verdict.figures.clone();
     let of_dpr = |name| u64::from(telemetry::of_dpr(dpr, name).unwrap_or(0));
-    // The load is rounded to four digits, because further digits carry no information.
+    // The load is rounded to four digits, because further digits tell nothing.
     let load = |load: f64| (load * 1e4).round() / 1e4;
     Report {
         seed: header.seed,
@@ -566,7 +572,6 @@ fn report<C: Cost>(
         base: report::Base { profiles: base.drone().counts().messages, bad_crc: base.drone().counts().bad_crc },
         hold,
         faults: figures.faults,
-        upsets: None,
         violations: verdict.violations.iter().map(ToString::to_string).collect(),
     }
 }
@@ -700,19 +705,6 @@ impl Outputs {
 
 fn unwritten(setup: &Setup, source: std::io::Error) -> Error {
     Error::Log { path: setup.log.clone().unwrap_or_default(), source }
-}
-
-/// Tries upsets on copies of the bench.
-///
-/// # Errors
-///
-/// An ELF file cannot be loaded, or a recording cannot be played.
-pub fn campaign(setup: &Setup, options: &Options) -> Result<Campaign, Error> {
-    Ok(match setup.clock {
-        Clock::Fast => Campaign::run(Bench::<Fast>::new(setup)?, options),
-        Clock::Optimistic => Campaign::run(Bench::<Optimistic>::new(setup)?, options),
-        Clock::Pessimistic => Campaign::run(Bench::<Pessimistic>::new(setup)?, options),
-    })
 }
 
 /// Returns `config` for the link, on which frames that the settings cannot send or receive are lost.

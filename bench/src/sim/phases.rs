@@ -1,15 +1,16 @@
-//! Places transactions around a frame's end, in every phase relative to the frame's end.
+//! Places the flight controller's transactions around a frame's end, in every phase relative to that end.
 //!
 //! # Design
 //!
 //! A flight controller's control cycle is not synchronous to HORUS, so its transactions coincide with the DPR's work at
-//! arbitrary instants. Some coincidences last 100 ns and occur once in minutes. A [`Sweep`] makes each of them occur:
-//! in every cycle of HORUS it places transactions around the end of a frame, at a phase that advances by a fixed step.
-//! The phase is relative to the frame's last bit at the antenna, so errors of crystals and the scatter of the front end
-//! do not change it.
+//! arbitrary instants. Some coincidences last 100 ns and occur once in minutes; a [`Sweep`] makes each of them occur.
 //!
-//! The bench measures the duration of the first frame of each length, and calculates the end of later frames of that
-//! length at their beginning.
+//! In every cycle of HORUS a [`Sweep`] places transactions around the end of a frame, at a phase that advances by a
+//! fixed step. The phase counts from the frame's last bit at the antenna, so errors of crystals and the scatter of the
+//! front end do not change it.
+//!
+//! A frame's end must be known when the frame begins. The bench measures the duration of the first frame of each
+//! length, and uses it for later frames of that length.
 //!
 //! A [`Phase`] holds what happened at one phase of the sweep. The judge judges a run with a sweep like any other run.
 
@@ -32,7 +33,7 @@ pub enum Edge {
 pub struct Placement {
     /// The edge of chip select that is placed.
     pub edge: Edge,
-    /// The time from the phase's instant to the edge, ns; negative if the edge comes first.
+    /// The time from the phase's instant to the placed edge, ns; negative if the edge comes first.
     pub after_ns: i64,
     /// The number of bytes that are clocked; `None` for the whole image.
     pub bytes: Option<usize>,
@@ -49,19 +50,19 @@ pub struct Sweep {
     pub to_ns: i64,
     /// The step from one phase to the next, ns.
     pub step_ns: u64,
-    /// Patterns of transactions, each for one cycle and in order of time. Each phase uses all of them in turn.
+    /// Patterns of transactions. Each is for one cycle and in order of time, and each phase uses all of them in turn.
     pub patterns: Vec<Vec<Placement>>,
 }
 
 impl Sweep {
-    /// The number of HORUS's cycles that the sweep takes.
+    /// The number of HORUS's cycles that the whole sweep takes.
     #[must_use]
     pub fn cycles(&self) -> u64 {
         let width = u64::try_from(self.to_ns - self.from_ns).unwrap_or(0);
         (width / self.step_ns + 1) * self.patterns.len() as u64
     }
 
-    /// The phase and the index of the pattern in cycle number `cycle` of the sweep; `None` if the sweep is over.
+    /// The phase, and the index of the pattern, in cycle number `cycle` of the sweep; `None` if the sweep is over.
     fn at(&self, cycle: u64) -> Option<(i64, usize)> {
         let patterns = self.patterns.len() as u64;
         let step = i64::try_from(cycle / patterns * self.step_ns).ok()?;
@@ -75,15 +76,15 @@ impl Sweep {
 pub struct Phase {
     /// The phase, as a time after the frame's last bit, ns.
     pub phase_ns: i64,
-    /// The index of the sweep's pattern of transactions that was placed at this phase.
+    /// The index, in the sweep, of the pattern of transactions that was placed at this phase.
     pub pattern: usize,
     /// The instant of the frame's last bit, ns.
     pub frame_ended: u64,
-    /// The events until the next phase, each with its time after the frame's last bit, ns, in order by kind.
+    /// The events until the next phase, each with its time after the frame's last bit, ns. They are in order by kind.
     pub events: Vec<(i64, PhaseEvent)>,
 }
 
-/// An event of the wires or of the SPIS in one phase of the sweep.
+/// An event on the wires, or of the SPIS, at one phase of the sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PhaseEvent {
     /// The flight controller's chip select falls.
@@ -99,13 +100,14 @@ pub enum PhaseEvent {
 }
 
 impl Phase {
-    /// The time from the frame's last bit to the first rise of FRESH, ns; `None` if FRESH did not rise.
+    /// The time from the frame's last bit until FRESH first rose, ns; `None` if FRESH did not rise.
     #[must_use]
     pub fn fresh_ns(&self) -> Option<i64> {
         self.events.iter().find(|(_, event)| *event == PhaseEvent::FreshRises).map(|(at, _)| *at)
     }
 
-    /// The longest time from a rise of chip select until the firmware released the SSI's semaphore, ns.
+    /// The longest time, ns, from the end of a transaction (rise of chip select) until the firmware released the SSI's
+    /// semaphore.
     #[must_use]
     pub fn ready_ns(&self) -> i64 {
         self.longest(PhaseEvent::Deselected, PhaseEvent::Spis(SpisEvent::Ready))
@@ -136,7 +138,7 @@ impl Phase {
 pub(super) struct Sweeping {
     sweep: Sweep,
     cycle: u64,
-    /// LEN of the frames around whose ends the transactions are placed.
+    /// LEN of the frames at whose ends the transactions are placed.
     target: u8,
     durations: BTreeMap<u8, u64>,
     phases: Vec<Phase>,

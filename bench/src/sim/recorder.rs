@@ -1,8 +1,8 @@
 //! Writes and judges the event log of a run.
 //!
-//! Boards and world deliver their events in pieces, and HORUS runs ahead of the DPR. Each event therefore waits here
-//! until no earlier event can come, before it is judged and stored. The order of the log depends only on the instants
-//! and the events, never on the thread that delivered them first.
+//! Boards and world deliver their events in pieces, and HORUS runs ahead of the DPR. Each event is therefore held back
+//! here until no earlier one can come, and is then judged and stored. The order of the log depends on the events alone,
+//! never on which thread delivered them first.
 
 use std::sync::Arc;
 
@@ -18,12 +18,12 @@ pub(super) struct Recorder {
     judge: Judge,
     /// The aircraft's true flight. Its position goes into the log at each tick. `None` if a recording is played.
     flight: Option<Arc<Flight>>,
-    /// The events that were released since the last call of [`Recorder::take_kept`]; `None` if the log is not kept.
+    /// The events released since the last call of [`Recorder::take_kept`]; `None` if the caller does not want the log.
     kept: Option<Vec<Event>>,
 }
 
 impl Recorder {
-    /// Returns an empty log. With `keep` it stores released events for [`Recorder::take_kept`].
+    /// Returns an empty log. With `keep`, it keeps released events for [`Recorder::take_kept`].
     pub(super) fn new(header: Header, flight: Option<Arc<Flight>>, keep: bool) -> Self {
         let judge = Judge::new(&header);
         Self { header, waiting: vec![], released: 0, judge, flight, kept: keep.then(Vec::new) }
@@ -49,13 +49,13 @@ impl Recorder {
         }
     }
 
-    /// Judges the events before `before` (ns). No earlier event may come after this call.
+    /// Judges the events before `before` (ns). After this call no earlier event may come.
     pub(super) fn release(&mut self, before: u64) {
         if before <= self.released {
             return;
         }
         self.released = before;
-        // The sort is stable, so events of the same instant and rank keep the order in which they came.
+        // The sort is stable: events of the same instant and rank keep the order in which they came.
         self.waiting.sort_by_key(|event| (event.at, event.what.rank()));
         let later = self.waiting.split_off(self.waiting.partition_point(|event| event.at < before));
         for event in std::mem::replace(&mut self.waiting, later) {

@@ -1,7 +1,7 @@
 //! Measures the speed of the bench.
 //!
-//! The measurement is here and not in the caller, because generic code is compiled with the options of the crate that
-//! names its types. A caller that is not optimised would measure a slower bench than the one that [`super::run`] runs.
+//! The measurement is in this crate, because generic code is compiled with the options of the crate that names its
+//! types. A caller that is not optimised would measure a slower bench than the one that [`super::run`] runs.
 
 use std::hint::black_box;
 
@@ -11,11 +11,11 @@ use emulator_node::Threads;
 
 use super::{Bench, Error, Setup};
 
-/// The number of runs, each beside one of the [`yardstick`]. The shortest one of each counts, because other work on the
-/// machine delayed it least.
+/// The number of runs of the bench, each beside a run of the [`yardstick`]. The shortest run of each counts, because
+/// other work on the machine delayed it least.
 const RUNS: usize = 5;
 
-/// The number of copies of the running bench that are made. The shortest time of a copy counts.
+/// The number of copies of the running bench that are timed. The shortest time counts.
 const COPIES: usize = 100;
 
 /// The cost of one virtual second.
@@ -34,16 +34,16 @@ pub struct Speed {
 }
 
 impl Speed {
-    /// The time that a virtual second takes, in times of the yardstick.
+    /// The time that a virtual second takes, as a multiple of the yardstick's time.
     #[must_use]
     pub fn yardsticks(&self) -> f64 {
         self.seconds / self.yardstick
     }
 }
 
-/// A fixed piece of work that no change of this project makes faster or slower: it interprets a program of four
-/// instructions, as the bench interprets firmware, but with neither memory nor devices. Time on this machine divided by
-/// the yardstick's time is comparable between machines, and on a machine with other work.
+/// A fixed piece of work that no change of this project makes faster or slower. It interprets a program of four
+/// instructions, as the bench interprets firmware, but with neither memory nor devices. A time divided by the
+/// yardstick's time can be compared between machines, even if a machine has other work.
 fn yardstick() {
     let mut registers = [1_u32, 2, 3, 0x9E37_79B9];
     let program = black_box([(0_u8, 0_u8, 1_u8), (1, 1, 2), (2, 2, 3), (3, 3, 0)]);

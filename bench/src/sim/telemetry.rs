@@ -37,7 +37,7 @@ pub fn of_dpr<C: Cost>(node: &Node<Dpr, C>, name: &str) -> Option<u32> {
     counter(node, "DPR_TELEMETRY", 4 * index)
 }
 
-/// Every counter of the firmwares that the judge gets as evidence.
+/// Returns every counter of the firmwares that the judge uses.
 pub(super) fn counters<C: Cost>(horus: &Node<Horus, C>, dpr: &Node<Dpr, C>, receivers: usize) -> Vec<What> {
     let of_horus = |name: String, offset| {
         let value = counter(horus, "HORUS_TELEMETRY", offset);

@@ -24,7 +24,8 @@ use gnss_sim::Port;
 /// How long the pin TICK is high before each tick, ns.
 const TICK_PULSE_NS: u64 = TICK_PULSE_TICKS as u64 * 1_000 / TICKS_PER_US as u64;
 
-/// The time from the end of a message to a receiver's answer, ns; real receivers take some tens of milliseconds.
+/// The time from the end of a message from HORUS to the receiver's answer, ns; real receivers take some tens of
+/// milliseconds.
 const ANSWERS_AFTER: u64 = 20_000_000;
 /// How long a receiver ignores its input after a change of its bit rate, ns (u-blox integration manuals).
 const DEAF_AFTER_BAUD: u64 = 100_000_000;
@@ -35,7 +36,7 @@ const STARTS: u64 = 300_000_000;
 struct Feed {
     receiver: Receiver,
     burst_at: u64,
-    /// The receiver's answers to messages from HORUS, each with its instant (ns).
+    /// The answers that the receiver will send to messages from HORUS, each with its instant (ns).
     answers: VecDeque<(u64, Vec<u8>)>,
     /// The instant before which the receiver ignores its input, ns.
     deaf_until: u64,
@@ -63,7 +64,8 @@ impl Feed {
         burst
     }
 
-    /// Passes a byte from HORUS, which had arrived by `at` (ns), to the receiver; `None` is an unreadable byte.
+    /// Passes a byte to the receiver that HORUS has sent and that had arrived by `at` (ns); `None` stands for an
+    /// unreadable byte.
     fn hear(&mut self, at: u64, byte: Option<u8>) {
         if at < self.deaf_until {
             return;
@@ -78,7 +80,7 @@ impl Feed {
         }
     }
 
-    /// Restarts the receiver at `at` (ns) without its saved settings.
+    /// Restarts the receiver at `at` (ns). Settings that it has not saved are lost.
     fn lose_settings(&mut self, at: u64) {
         self.answers.clear();
         self.deaf_until = at + STARTS;
@@ -90,7 +92,8 @@ impl Feed {
 #[derive(Clone, Debug)]
 pub(super) struct Receivers {
     feeds: Vec<Feed>,
-    /// The settings of each receiver as last logged: the number of its dynamic model, and whether it sends positions.
+    /// The settings of each receiver that were last logged: the number of its dynamic model, and whether it sends
+    /// positions.
     settings: Vec<Option<(u8, bool)>>,
     lines: LineFaults,
     faults: Timeline,
@@ -124,7 +127,7 @@ impl Receivers {
         self.faults.add(faults.timeline(true));
     }
 
-    /// Passes the ticks since the last call through the wire TICK, whose present faults may change them.
+    /// Passes the ticks since the last call through the wire TICK, whose faults may change them.
     fn watch_ticks<C: Cost>(&mut self, node: &mut Node<Horus, C>) {
         let ticks = node.board_mut(Horus::take_ticks);
         for at in ticks.into_iter().flat_map(|at| self.wires.tick(at)) {
@@ -171,12 +174,14 @@ impl Receivers {
         for OnLine { at_ns, receiver, frames, clean } in lines {
             let bytes: Vec<u8> = frames.iter().map(|frame| frame.data as u8).collect();
             if Port::OF[receiver] != Port::Uart1 {
-                // On a bus the bytes are only offered. The board reports later which of them HORUS read, and when.
+                // On a bus the receiver only offers its bytes. The board reports later which of them HORUS has read,
+                // and when.
                 node.board_mut(|board| board.receivers.offer(at_ns, receiver, &bytes));
                 self.events.note(at_ns.max(node.now()), What::Offered { receiver, bytes: Bytes(bytes) });
                 continue;
             }
-            // The frames have the link's usual bit rate and are converted to the receiver's present rate.
+            // The receiver's frames are generated at the link's usual bit rate. They are converted if the receiver uses
+            // another rate at present.
             let baud = self.feeds[receiver].receiver.bit_rate();
             let (frames, clean) = if baud == GNSS_BAUD { (frames, clean) } else { (at_rate(frames, baud), false) };
             let begins = node.board_mut(|board| board.receivers.send(at_ns, receiver, frames));
@@ -194,19 +199,20 @@ fn at_rate(frames: Vec<UartFrame>, baud: u32) -> Vec<UartFrame> {
     frames.into_iter().map(at).collect()
 }
 
-/// An upper limit of a byte's duration on a receiver's bus, ns. A byte is logged at its beginning, but known at its
-/// end.
+/// An upper limit of a byte's duration on a receiver's bus, ns. A byte is logged with the instant of its beginning, but
+/// becomes known only at its end.
 const ON_THE_WAY: u64 = 100_000;
 
-/// What HORUS's side reports to the DPR's side, which follows behind.
+/// The reports of HORUS's side to the DPR's side, which is simulated behind it.
 #[derive(Debug)]
 pub(super) struct Notes {
     pub(super) lines: Vec<LogLine>,
     pub(super) events: Vec<Event>,
     pub(super) crossings: Vec<(u64, Crossing)>,
-    /// The changes of TICK and of the tasks for the trace.
+    /// The signals of TICK and of HORUS's tasks, for the trace.
     pub(super) marks: Vec<Mark>,
-    /// The beginning of a transaction with a receiver that may be under way, ns. Its bytes are logged at its end.
+    /// The beginning, ns, of a transaction with a receiver that may still be unfinished. Its bytes are logged at its
+    /// end.
     pub(super) untold_since: u64,
 }
 
@@ -307,7 +313,8 @@ impl<C: Cost> Upstream<Horus, C> for Receivers {
                     }
                 }
                 Fault::Wire(fault) => {
-                    // The change below applies only to later ticks, so the ticks up to now pass the wire first.
+                    // The new fault of the wire applies to later ticks only, so earlier ticks are passed through the
+                    // wire first.
                     self.watch_ticks(node);
                     self.watch_inputs(node);
                     if begins {

@@ -23,13 +23,13 @@
 //! | `ssi` | the flight controller's SPI, FRESH, the age that the image's Link-Status carries |
 //!
 //! A task's signal is 1 from the entry of its handler to its end, even while a more urgent task preempts it.
-//! `..._running` has the number of the exception that runs. `..._idle` is 1 in thread mode with the core awake,
+//! `..._running` has the number of the exception that is running. `..._idle` is 1 in thread mode with the core awake,
 //! `..._asleep` while the core sleeps, and `..._other` in exceptions outside the firmware's table of tasks.
 //!
 //! The models exchange whole bytes, each at the end of its eighth clock. The trace calculates the clock edges and data
 //! bits of a byte from that instant and the bus's clock rate. A byte's signal has its value from the byte's first clock
 //! until the next byte or the end of chip select; otherwise it is not driven (`z`). Events may arrive slightly out of
-//! order, so each is written after a fixed delay.
+//! order, so the trace writes each after a fixed delay.
 
 mod signals;
 
@@ -45,7 +45,7 @@ pub use signals::{Board, Bus, DPR, HORUS, SSI, Wire, Word};
 pub enum Mark {
     /// A wire took a level: the instant (ns), the wire, the level.
     Level(u64, Wire, bool),
-    /// A number took a value: the instant (ns), the number, the value (`None` for no value).
+    /// A signal of several bits took a value: the instant (ns), the signal, the value (`None` for no value).
     Word(u64, Word, Option<u64>),
     /// A byte was transferred on a bus: the end of its eighth clock (ns), the bus, the byte to the chip, the byte from
     /// the chip, the clock rate (Hz).

@@ -28,7 +28,7 @@ pub enum Wire {
     HorusTick,
     /// The carrier of HORUS's front end, high while it is on.
     Field,
-    /// High while a frame is on the air.
+    /// High while a frame of HORUS is on the air.
     Frame,
     /// The SPI clock of the DPR's front end.
     DprSck,
@@ -48,7 +48,7 @@ pub enum Wire {
     SsiMiso,
     /// The chip select of the SSI, active low.
     SsiCsn,
-    /// The DPR's FRESH, which rises when a new image is readable.
+    /// The DPR's pin FRESH, which rises when a new image is readable.
     Fresh,
 }
 
@@ -65,11 +65,11 @@ pub enum Word {
     DprMosiByte,
     /// The byte from the DPR's front end.
     DprMisoByte,
-    /// The byte from the flight controller to the DPR.
+    /// The byte that the SSI carries from the flight controller to the DPR.
     SsiMosiByte,
-    /// The byte from the DPR to the flight controller.
+    /// The byte that the SSI carries from the DPR to the flight controller.
     SsiMisoByte,
-    /// The age of Reported-Position in Link-Status of the image that was read last, in units of 100 µs.
+    /// The age of Reported-Position, in units of 100 µs, as stated by Link-Status in the image that was read last.
     LinkStatusAge,
 }
 
@@ -116,7 +116,7 @@ pub struct Bus {
     pub(super) cs: Wire,
     pub(super) mosi_byte: Word,
     pub(super) miso_byte: Word,
-    /// Whether data change on the clock's rising edge (SPI mode 1) or before it (mode 0).
+    /// Whether data change on the clock's rising edge, as in SPI mode 1. In mode 0 they change before that edge.
     pub(super) changes_on_rise: bool,
 }
 
@@ -156,7 +156,7 @@ pub(super) const BUSES: [Bus; 3] = [HORUS, DPR, SSI];
 #[derive(Clone, Debug)]
 pub(super) struct Signals {
     all: Vec<Signal>,
-    /// For each board, the index of its first task signal and the number of its tasks.
+    /// For each board, the index of its first task signal, and the number of its tasks.
     boards: [(usize, usize); 2],
 }
 

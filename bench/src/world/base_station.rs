@@ -83,7 +83,7 @@ impl BaseStation {
         }
     }
 
-    /// Takes bytes that arrived at `at_ns` and returns the profiles that they completed.
+    /// Takes bytes that arrived at `at_ns` (ns). Returns the profiles that these bytes completed.
     pub fn receive(&mut self, at_ns: u64, bytes: &[u8]) -> Vec<Arrival> {
         let mut arrivals = vec![];
         self.arrived_ns = at_ns;
@@ -140,7 +140,7 @@ impl BaseStation {
                 }
                 Object::Gps(object) => {
                     let values = object.values();
-                    // Every object but object 0, Reported-Position, is one of up to five receivers.
+                    // Object 0 is Reported-Position. Every other object belongs to one of up to five receivers.
                     entry.gps[index - 1] = Some(Position {
                         latitude: values.latitude,
                         longitude: values.longitude,
@@ -161,7 +161,7 @@ impl BaseStation {
     }
 }
 
-/// Prints the state at the latest arrival: a line for each object, the alarms, and the figures of the link.
+/// Prints the state at the latest arrival: one line for each object, the alarms, and the figures of the link.
 impl fmt::Display for BaseStation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}, {} bad frames", self.drone.words(self.arrived_ns / 1_000), self.bad_frames)

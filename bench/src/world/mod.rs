@@ -1,9 +1,9 @@
 //! The world around the two boards: the flight controller, which reads the DPR over the SSI, and the base station, to
 //! which the flight controller forwards what it reads.
 //!
-//! Both are state machines in virtual time and are not emulated, because they do not run firmware of this project. They
-//! use the wire format through the crate `profile` and check what they receive for freshness and damage, as the real
-//! ones do.
+//! The flight controller and the base station are state machines in virtual time. They are not emulated, because they
+//! do not run firmware of this project. They use the wire format through the crate `profile` and check what they
+//! receive for freshness and damage, as the real ones do.
 //!
 //! | file | what |
 //! |---|---|

@@ -13,7 +13,7 @@ pub(crate) struct Clock {
 impl Clock {
     pub(crate) fn new(ppb: i64) -> Self {
         let scale = 1_000_000_000i128 + i128::from(ppb.clamp(-1_000_000, 1_000_000));
-        // 1000 cycles are 1000 · 10¹⁸ / 13.56 · 10⁶ · 10⁹ / (10⁹ + ppb) attoseconds.
+        // In attoseconds, 1000 carrier cycles take exactly 1000 · 10¹⁸ / 13.56 · 10⁶ · 10⁹ / (10⁹ + ppb).
         let numerator = 1_000i128 * 1_000_000_000_000_000_000 * 1_000_000_000;
         let denominator = i128::from(CARRIER_HZ) * scale;
         let rounded = (numerator + denominator / 2) / denominator;
@@ -53,7 +53,7 @@ pub(crate) fn bits_ns(bits: u64, bit_as: u64) -> u64 {
 }
 
 pub(crate) fn bits_in(ns: u64, bit_as: u64) -> u64 {
-    // Half a nanosecond is added, because `bits_ns` may have rounded the instant of the last bit down.
+    // `bits_ns` may have rounded the instant of the last bit down, so half a nanosecond is added.
     let a = u128::from(ns) * u128::from(AS_PER_NS) + u128::from(AS_PER_NS / 2);
     u64::try_from(a / u128::from(bit_as.max(1))).unwrap_or(u64::MAX)
 }

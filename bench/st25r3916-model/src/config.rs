@@ -9,7 +9,7 @@ pub enum Variant {
     St25r3916b,
 }
 
-/// The effect of a received frame that breaks off, because its length byte exceeds its data or the field is lost.
+/// The effect of a received frame that breaks off. Its length byte announces too many bytes, or the field is lost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BrokenFrame {
     /// I_rxe comes with I_err1 (and I_crc unless no_crc_rx is set), because the framing logic detects the missing bits.
@@ -21,9 +21,9 @@ pub enum BrokenFrame {
 /// The configuration of a chip and its surroundings. The default is an ST25R3916B on a 5 V supply with a perfect
 /// crystal.
 ///
-/// A value describes the chip and its board, or chooses where documents contradict each other, or is a latency or a
-/// converter result that no document gives. Defaults of the last kind were measured on one ST25R3916 at 5.2 V, unless
-/// the field says "assumed".
+/// There are three sorts of values. Some describe the chip and its board, some choose between documents that contradict
+/// each other, and some are latencies or converter results that no document gives. Defaults of the last sort were
+/// measured on one ST25R3916 at 5.2 V, unless the field says "assumed".
 #[derive(Clone, Debug, PartialEq)]
 pub struct Config {
     /// The variant of the part.
@@ -40,31 +40,32 @@ pub struct Config {
     pub db_clears_irqs: bool,
     /// Whether C2 (stop) clears the interrupt registers, as a recording of silicon suggests.
     pub stop_clears_irqs: bool,
-    /// Whether the end of a transmission raises I_txe with the receiver off. The data sheet implies it.
+    /// Whether the end of a transmission raises I_txe while the receiver is off. The data sheet implies that it does.
     pub txe_with_rx_off: bool,
-    /// Whether a target must be unmasked (D1) before each frame, which is the cautious choice.
+    /// Whether a target must be unmasked (D1) before each frame. This is the cautious choice.
     pub target_rearms_by_command: bool,
     /// The effect of a received frame that breaks off.
     pub broken_frame: BrokenFrame,
-    /// Whether a frame is received although the receive chain (0B to 0E, B0C, B0D) cannot pass its technology. The
-    /// unsuitable setting is a finding in either case.
+    /// Whether a frame is received although the receive chain (registers 0B to 0E, B0C, B0D) cannot pass its
+    /// technology. The unsuitable setting is a finding in either case.
     pub unsuited_chain_receives: bool,
 
-    /// Whether a frame reaches the other chip although its settings cannot modulate NFC-F or its antenna is out of
-    /// tune. The unsuitable setting is a finding in either case. If false, only the carrier leaves the antenna, and an
-    /// antenna out of tune receives nothing.
+    /// Whether a frame reaches the other chip although the sender's settings cannot modulate NFC-F or its antenna is
+    /// out of tune. The unsuitable setting is a finding in either case. If false, only the carrier leaves the antenna.
+    /// An antenna out of tune then receives nothing either.
     pub unsuited_modulation_reaches: bool,
-    /// The suitable antenna tuning (26, 27) for the board's matching network, in a poller and in a listener.
+    /// The antenna tuning (registers 26, 27) that suits the board's matching network: first of a poller, then of a
+    /// listener.
     pub tuning: [[u8; 2]; 2],
-    /// The largest deviation from the suitable tuning, in steps, with which the antenna is in tune. Assumed.
+    /// The largest deviation, in steps, from the suitable tuning at which the antenna still counts as tuned. Assumed.
     pub tuning_tolerance: u8,
     /// The voltage of another chip's field at the field detector's input, mV. Assumed for a few centimetres.
     pub field_mv: u16,
 
-    /// Whether the chip may answer. If false, each answer is a finding.
+    /// Whether the chip is permitted to answer. If false, each answer is a finding.
     pub answers: bool,
-    /// Whether the end of a poller's transmission unmasks a receiver that D0 has masked. No document says so, and ST's
-    /// library always stops the chip (C2) between D0 and a transmission.
+    /// Whether the end of a poller's transmission unmasks a receiver that D0 has masked. No document says so. ST's
+    /// library always stops the chip (C2) between D0 and a transmission, so it does not depend on this.
     pub transmit_unmasks: bool,
     /// Whether D1 also clears the FIFO, as ST's library says (stm32duino/ST25R3916 `src/rfal_rfst25r3916.cpp`).
     pub unmask_clears_fifo: bool,
@@ -73,20 +74,20 @@ pub struct Config {
     pub seed: u64,
     /// Mean time from the end of the command byte to the start of the frame on the air, ns. Measured on one chip: seven
     /// NFC-A frames start 2.71 to 4.59 µs after the last clock edge of C4 to C7. The default is the middle of this
-    /// range, also for NFC-F and answers.
+    /// range. It is also used for NFC-F and for answers.
     pub transmit_latency_ns: u64,
     /// Scatter of the start of transmission around its mean, peak to peak, uniform, ns; limited to twice the mean.
-    /// Measured on one chip: frames start up to 2.1 µs apart after the same command (NFC-A 1.9 µs in seven frames,
-    /// NFC-V 2.1 µs in two, NFC-B 0.4 µs in two). The default of 2.3 µs, a bit at 424 kbit/s, covers these.
+    /// Measured on one chip: after the same command, frames start up to 2.1 µs apart (NFC-A 1.9 µs in seven frames,
+    /// NFC-V 2.1 µs in two, NFC-B 0.4 µs in two). The default of 2.3 µs is a bit at 424 kbit/s and covers these.
     pub transmit_scatter_ns: u64,
     /// Time from the first rising clock edge of an interrupt register's byte to the fall of the IRQ pin, ns. Measured
     /// on one chip: 30 to 32 ns.
     pub irq_fall_ns: u64,
     /// Time from the field's switch-on to I_apon, ns. Measured on one chip: 2.70 to 2.71 µs in three recordings.
     pub field_on_latency_ns: u64,
-    /// Excess of the time until I_cat over the field-on guard time, ns. Measured on one chip.
+    /// Time by which I_cat comes later than the field-on guard time, ns. Measured on one chip.
     pub guard_extra_ns: u64,
-    /// Excess of the no-response time over its setting, ns. Measured on one chip.
+    /// Time by which the no-response timer takes longer than its setting, ns. Measured on one chip.
     pub no_response_extra_ns: u64,
     /// Time from the end of an NFC-A answer's start of communication to I_rxs, ns. Measured on one chip.
     pub nfc_a_start_latency_ns: u64,
@@ -104,11 +105,11 @@ pub struct Config {
     pub rc_calibration_ns: u64,
     /// Duration of the measurement commands D3, D8, D9 and DF, ns (data sheet: 25 µs).
     pub measurement_ns: u64,
-    /// Value of the regulator display (B2C) after Adjust regulators (D6). Measured on one chip.
+    /// Value of the regulator display (register B2C) after Adjust regulators (D6). Measured on one chip.
     pub regulator_display: u8,
-    /// Value of the TX driver timing display (B2B). Measured on one chip.
+    /// Value of the TX driver timing display (register B2B). Measured on one chip.
     pub driver_timing_display: u8,
-    /// Value of the RC calibration display (B39) after an RC calibration (EA). Measured on one chip.
+    /// Value of the RC calibration display (register B39) after an RC calibration (EA). Measured on one chip.
     pub rc_calibration_display: u8,
     /// Constant result of Measure amplitude (D3), A/D steps, whose use is a finding. Measured on one chip.
     pub amplitude: u8,
@@ -118,9 +119,9 @@ pub struct Config {
     pub regulated_mv: [u16; 4],
 }
 
-/// The antenna tuning (26, 27) of the matching networks on ST's expansion boards, poller and listener
-/// (stm32duino/ST25R3916 `src/rfal_rfst25r3916_analogConfigTbl.h`). `TUNING_B` is that of the board with the
-/// ST25R3916B, `TUNING_A` that of the board with the ST25R3916.
+/// The antenna tuning (registers 26, 27) for the matching networks on ST's expansion boards: first of a poller, then of
+/// a listener (stm32duino/ST25R3916 `src/rfal_rfst25r3916_analogConfigTbl.h`). `TUNING_B` is for the board with the
+/// ST25R3916B, `TUNING_A` for the board with the ST25R3916.
 const TUNING_B: [[u8; 2]; 2] = [[0xC5, 0xE3], [0x00, 0x00]];
 const TUNING_A: [[u8; 2]; 2] = [[0x82, 0x82], [0x00, 0xFF]];
 

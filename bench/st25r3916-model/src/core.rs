@@ -37,7 +37,7 @@ pub(crate) struct Core {
     interrupts: Interrupts,
     withheld: u32,
     schedule: Schedule,
-    /// The random generator for everything that scatters on silicon.
+    /// The random generator for every value that varies on silicon.
     rng: SplitMix,
     reports: Reports,
     outbox: Vec<(u64, AirEvent)>,
@@ -83,7 +83,7 @@ impl Core {
         self.now = self.now.max(now);
     }
 
-    /// Removes the first deadline that is not after `now` and advances the chip's time to it.
+    /// Removes the first deadline that is due at `now` or before, and advances the chip's time to it.
     pub(crate) fn take_due(&mut self, now: u64) -> Option<Due> {
         let (at, what) = self.schedule.take(now)?;
         self.reach(at);
@@ -167,12 +167,12 @@ impl Core {
         self.a(reg::MODE) & TARGET != 0
     }
 
-    /// Returns om (03, bits 6:3), the operation mode.
+    /// Returns the operation mode om (register 03, bits 6:3).
     pub(crate) fn operation_mode(&self) -> u8 {
         (self.a(reg::MODE) >> 3) & 0x0F
     }
 
-    /// Whether lm_ext or lm_dri (B28) connects the load modulator.
+    /// Whether the bit lm_ext or lm_dri (register B28) connects a load modulator.
     pub(crate) fn load_modulator(&self) -> bool {
         self.registers.b(reg::B_AUX_MOD) & 0x30 != 0
     }
@@ -209,7 +209,7 @@ impl Core {
         self.interrupts.flip(bits, unmasked, self.now);
     }
 
-    /// Keeps `bits`, and no others, from being set from now on. Bits that are set stay set.
+    /// Prevents these interrupt bits, and no others, from being set from now on. Bits that are already set stay set.
     pub(crate) fn withhold(&mut self, bits: u32) {
         self.withheld = bits;
     }
@@ -219,7 +219,7 @@ impl Core {
         self.pin_follows();
     }
 
-    /// Updates the IRQ pin after a change of a mask, the supply or the pending interrupt bits.
+    /// Sets the level of the IRQ pin after a change of a mask, of the supply or of the pending interrupt bits.
     pub(crate) fn pin_follows(&mut self) {
         let unmasked = self.unmasked();
         self.interrupts.follows(unmasked, self.now);

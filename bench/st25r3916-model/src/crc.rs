@@ -29,7 +29,7 @@ pub(crate) fn nfc_a(bytes: &[u8]) -> [u8; 2] {
 mod tests {
     #[test]
     fn check_values_of_the_catalogue() {
-        // Check values of CRC-16/XMODEM and CRC-16/ISO-IEC-14443-3-A for "123456789".
+        // The expected values are the check values of CRC-16/XMODEM and CRC-16/ISO-IEC-14443-3-A for "123456789".
         assert_eq!(super::nfc_f(b"123456789"), 0x31C3u16.to_be_bytes());
         assert_eq!(super::nfc_a(b"123456789"), 0xBF05u16.to_le_bytes());
     }

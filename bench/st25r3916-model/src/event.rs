@@ -17,7 +17,7 @@ pub enum Technology {
 /// Bytes on the air, in order.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Chunk {
-    /// The bytes in their order on the air, in NFC-F with LEN and CRC-16.
+    /// The chunk's bytes in their order on the air. In NFC-F a frame begins with LEN and ends with a CRC-16.
     pub data: Vec<u8>,
     /// Whether a parity bit of the chunk's bytes is wrong (NFC-A only).
     pub parity_error: bool,
@@ -68,11 +68,12 @@ pub enum AirEvent {
     FieldOff,
     /// A frame begins.
     FrameStart(FrameStart),
-    /// Further bytes of the frame on the air. The event comes no later than their first bit.
+    /// The frame goes on with these bytes. The event comes no later than their first bit.
     Bytes(Chunk),
     /// The frame ends. The instant of the event is the end of the last bit.
     FrameEnd {
-        /// The number of data bits after the header, without parity bits, which is too small if the frame broke off.
+        /// The number of data bits after the header, without parity bits. A frame that broke off has fewer than
+        /// announced.
         bits: u32,
     },
 }

@@ -14,7 +14,8 @@
 //! | whether collision avoidance (C8) ends when it | not documented; it ends, with I_cac, when the detector sees |
 //! | sees a field or when its time is up | a field at any instant of the window |
 //!
-//! \[1\] stm32duino/ST25R3916 `src/st25r3916_com.h`: 75, 105, 150, 205, 290, 400, 560 and 800 mV, in either register.
+//! \[1\] The field detector's thresholds, in either register, are 75, 105, 150, 205, 290, 400, 560 and 800 mV:
+//! stm32duino/ST25R3916 `src/st25r3916_com.h`.
 
 use crate::core::Core;
 use crate::event::AirEvent;
@@ -23,7 +24,8 @@ use crate::registers::{EN, EN_FD, TX_EN, reg};
 use crate::report::Kind;
 use crate::schedule::Due;
 
-/// The thresholds of the field detector, mV, to detect a field (2A, bits 6:4) and to keep it detected (2B, bits 6:4).
+/// The thresholds of the field detector, mV: one to detect a field (register 2A, bits 6:4), and one to keep it detected
+/// (register 2B, bits 6:4).
 const THRESHOLDS_MV: [u16; 8] = [75, 105, 150, 205, 290, 400, 560, 800];
 
 #[derive(Clone, Debug, Default)]
@@ -46,7 +48,7 @@ impl Field {
         self.detected
     }
 
-    /// Whether the oscillator and the transmitter are on, so that the chip's carrier must be on.
+    /// Whether the chip's carrier must be on, because the oscillator and the transmitter are.
     pub(crate) fn wanted(core: &Core) -> bool {
         core.powered() && core.oscillator() && core.operates(EN | TX_EN)
     }
@@ -75,7 +77,7 @@ impl Field {
         let threshold = |i: usize| THRESHOLDS_MV[usize::from(core.a(i) >> 4 & 7)];
         let needed =
             if self.detected { threshold(reg::FIELD_OFF_THRESHOLD) } else { threshold(reg::FIELD_ON_THRESHOLD) };
-        // The chip's own field keeps the detector from detecting another one.
+        // While the chip's own field is on, the detector cannot detect another field.
         core.powered()
             && self.outside
             && core.config().field_mv >= needed
@@ -91,7 +93,7 @@ impl Field {
         }
     }
 
-    /// Starts the field detector's delay if its output must change, and cancels the delay otherwise.
+    /// Starts the field detector's delay if its output differs from what it detects, and cancels the delay otherwise.
     pub(crate) fn look(&mut self, core: &mut Core) {
         if self.sees(core) == self.detected {
             core.cancel(Due::FieldDetect);
@@ -131,7 +133,8 @@ fn avoided(core: &mut Core) {
     core.raise(irq::CAC);
 }
 
-/// Plans I_apon and I_cat, the end of the guard time, after collision avoidance has switched the field on.
+/// Plans the interrupts after collision avoidance has switched the field on: I_apon, and I_cat at the end of the guard
+/// time.
 pub(crate) fn start_guard(core: &mut Core) {
     let apon = core.config().field_on_latency_ns;
     core.plan_in(Due::Apon, apon);

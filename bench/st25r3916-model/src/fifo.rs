@@ -7,11 +7,11 @@ pub(crate) struct Fifo {
     ring: [u8; CAPACITY],
     head: usize,
     len: usize,
-    /// The underflow flag, fifo_unf (1F, bit 5).
+    /// The underflow flag, fifo_unf (register 1F, bit 5).
     pub(crate) underflow: bool,
-    /// The overflow flag, fifo_ovr (1F, bit 4).
+    /// The overflow flag, fifo_ovr (register 1F, bit 4).
     pub(crate) overflow: bool,
-    /// The number of bits in an incomplete last byte, or 0: fifo_lb (1F, bits 3:1).
+    /// The number of bits in an incomplete last byte, or 0: fifo_lb (register 1F, bits 3:1).
     pub(crate) last_bits: u8,
 }
 

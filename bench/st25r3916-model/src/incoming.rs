@@ -1,7 +1,7 @@
 //! A frame that is being received: its bytes and their instants.
 //!
-//! The reception of an NFC-F frame ends when LEN + 2 bytes have arrived or the signal ends, whichever comes first. No
-//! document says which of the two counts on silicon.
+//! The model ends the reception of an NFC-F frame when LEN + 2 bytes have arrived or the signal ends, whichever comes
+//! first. No document says which of the two ends it on silicon.
 
 use crate::clock::{bits_in, bits_ns};
 use crate::event::{Chunk, FrameStart, Technology};
@@ -20,7 +20,8 @@ pub(crate) struct Incoming {
 }
 
 impl Incoming {
-    /// Returns a frame whose first bit was at `start`, ns. Bytes reach the FIFO `latency` ns after their end.
+    /// Returns a frame whose first bit was at `start`, ns. Each byte reaches the FIFO `latency` ns after the byte's
+    /// end.
     pub(crate) fn new(frame: FrameStart, start: u64, latency: u64) -> Self {
         Self { frame, start, locked: false, deposited: 0, next_byte: 0, ended: None, latency }
     }
@@ -69,7 +70,8 @@ impl Incoming {
         }
     }
 
-    /// Records a loss of the signal at `at`. Returns false if the header had not ended, so that no frame is detected.
+    /// Records a loss of the signal at `at`. Returns false if the header was still under way, so that no frame is
+    /// detected.
     pub(crate) fn stops(&mut self, at: u64) -> bool {
         let air = bits_in(at.saturating_sub(self.start), self.frame.bit_as);
         if !self.locked && air < u64::from(self.frame.header_bits) {
@@ -90,7 +92,8 @@ impl Incoming {
         }
     }
 
-    /// Returns the number of known bytes that may reach the FIFO, in NFC-F at most those that LEN announces.
+    /// Returns the number of bytes known so far that may reach the FIFO. In NFC-F it is at most the number that LEN
+    /// announces.
     fn available(&self) -> usize {
         let n = self.frame.chunk.data.len();
         self.limit().map_or(n, |l| n.min(l))
@@ -100,7 +103,8 @@ impl Incoming {
         &self.frame.chunk.data[..self.available()]
     }
 
-    /// Whether every announced byte was received. An NFC-A frame is complete when its signal has ended.
+    /// Whether every announced byte was received. NFC-A announces no length: its frame is complete when the signal has
+    /// ended.
     pub(crate) fn whole(&self) -> bool {
         match (self.limit(), self.ended) {
             (Some(limit), None) => self.frame.chunk.data.len() >= limit,
@@ -112,7 +116,7 @@ impl Incoming {
     /// Returns fifo_lb, the bits in an incomplete last byte, or 0. ST's driver (RFAL) reads it for every technology.
     pub(crate) fn last_bits(&self) -> u8 {
         match self.ended {
-            // Bits after the bytes that LEN announces are ignored.
+            // Bits behind the bytes that LEN announces do not count.
             Some((_, bits)) if (bits as usize).div_ceil(8) <= self.available() => (bits % 8) as u8,
             _ => 0,
         }
@@ -128,7 +132,7 @@ impl Incoming {
         Some(end.saturating_add(self.latency))
     }
 
-    /// Returns the instant at which this frame fills the FIFO from `level` to `full` bytes, ns, if it does.
+    /// Returns the instant at which this frame brings the FIFO from `level` to `full` bytes, ns; `None` if it does not.
     pub(crate) fn reaches(&self, full: usize, level: usize) -> Option<u64> {
         let byte = self.deposited + full.checked_sub(level)?;
         (self.locked && byte <= self.available()).then(|| self.instant(byte).saturating_add(self.latency))
@@ -155,7 +159,8 @@ impl Incoming {
         &self.frame.chunk.data[from..from + due]
     }
 
-    /// Returns the bytes that remain at the end of reception. Rounding to nanoseconds may make the last byte late.
+    /// Returns the bytes that remain at the end of reception. The last byte may be among them, because instants are
+    /// rounded to ns.
     pub(crate) fn take_rest(&mut self) -> &[u8] {
         let from = self.deposited;
         self.deposited = self.available().max(from);

@@ -1,9 +1,9 @@
 //! Interrupts: the pending bits, and the IRQ pin with the exact instants of its changes.
 //!
-//! A read of an interrupt register clears it, and lets the pin fall, at the first rising clock edge of the byte with
-//! its value. Four recordings of silicon (public repository hydrabus/st25r3916_decoder_dumps_sigrok, 2 ns resolution,
-//! 10.5 MHz clock) show the fall 30 to 32 ns after that edge and 682 to 684 ns before the byte's last edge, in 38 of 38
-//! reads.
+//! A read of an interrupt register clears it and lets the pin fall. Both happen at the first rising clock edge of the
+//! byte with its value. Four recordings of silicon (public repository hydrabus/st25r3916_decoder_dumps_sigrok, 2 ns
+//! resolution, 10.5 MHz clock) show the fall 30 to 32 ns after that edge, and 682 to 684 ns before the byte's last
+//! edge, in 38 of 38 reads.
 //!
 //! The model receives a byte only at the byte's end, so it reports a fall of the pin afterwards.
 //! [`Chip::take_irq_edges`](crate::Chip::take_irq_edges) gives every change with its exact instant, and
@@ -40,15 +40,15 @@ pub(crate) mod irq {
     pub(crate) const WU_F: u32 = 0x08 << 24;
 }
 
-/// Interrupts that a fault of the chip keeps from being raised.
+/// The interrupts that a fault of the chip prevents.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Withheld {
-    /// None; the chip is sound.
+    /// No interrupt is prevented; the chip is sound.
     #[default]
     None,
-    /// Those at the end of a received (I_rxe) or sent (I_txe) frame.
+    /// The interrupts at the end of a received (I_rxe) or sent (I_txe) frame are prevented.
     FrameEnds,
-    /// All.
+    /// All interrupts are prevented.
     All,
 }
 
@@ -74,7 +74,7 @@ pub struct IrqEdge {
     pub level: bool,
 }
 
-/// The pending interrupt bits and the IRQ pin. The parameter `enabled` masks the bits that may drive the pin.
+/// The pending interrupt bits and the IRQ pin. In its functions, `enabled` has the bits that may drive the pin.
 #[derive(Clone, Debug)]
 pub(crate) struct Interrupts {
     pending: u32,

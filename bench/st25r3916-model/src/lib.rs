@@ -9,15 +9,16 @@
 //! # Use
 //!
 //! Time is `u64` nanoseconds and does not go back. [`advance`](Chip::advance) a chip to an instant before reading
-//! [`Chip::irq`] at that instant. A bench may skip to [`next_event`](Chip::next_event). [`Chip::transfer`] transfers
-//! one byte and is called with the instant at which the byte's last clock ends. The value of a read is taken at the end
-//! of the byte before, as on silicon, and a write takes effect at the end of its own byte. Only the IRQ pin falls
-//! earlier, at the first clock edge of the byte that reads an interrupt register: see [`Chip::take_irq_edges`] and
-//! [`Chip::irq_since`].
+//! [`Chip::irq`] at that instant. A bench may skip to [`next_event`](Chip::next_event).
 //!
-//! Two chips may be advanced alternately in steps of up to a microsecond. An event slightly before the receiving chip's
-//! time keeps its own instant for the timing of its bits, and the receiver's latency of several microseconds covers the
-//! difference.
+//! [`Chip::transfer`] transfers one byte and is called with the instant at which the byte's last clock ends. The value
+//! of a read is taken at the end of the byte before, as on silicon, and a write takes effect at the end of its own
+//! byte. Only the IRQ pin falls earlier, at the first clock edge of the byte that reads an interrupt register: see
+//! [`Chip::take_irq_edges`] and [`Chip::irq_since`].
+//!
+//! Two chips may be advanced alternately in steps of up to a microsecond. An event may then come slightly before the
+//! receiving chip's time. It keeps its own instant for the timing of its bits, and the receiver's latency of several
+//! microseconds covers the difference.
 //!
 //! The start of a transmission scatters at random, as on silicon. Two chips of one bench therefore need different
 //! values of [`Config::seed`]. A test that needs exact instants sets [`Config::transmit_scatter_ns`] to 0.

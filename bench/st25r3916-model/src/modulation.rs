@@ -32,7 +32,7 @@ const DIS_REG_AM: u8 = 0x80;
 const VDDRF_CONT: u8 = 0x08;
 const AAT_EN: u8 = 0x20;
 const DEPTHS: core::ops::RangeInclusive<u8> = 8..=30;
-/// The modulation depth, percent, for each value of am_mod (28, bits 7:4) on the ST25R3916.
+/// The modulation depth, percent, for each value of am_mod (register 28, bits 7:4) on the ST25R3916.
 const DEPTH_A: [u8; 16] = [5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 17, 19, 22, 26, 40];
 const DEPTH_B: [u8; 16] = [0, 8, 10, 11, 12, 13, 14, 15, 20, 25, 30, 40, 50, 60, 70, 82];
 
@@ -44,11 +44,11 @@ pub(crate) fn suits(core: &mut Core) -> bool {
     let deep_enough = DEPTHS.contains(&depths[usize::from(driver >> 4)]) && driver & 0x0F != 0x0F;
     let mode = core.a(reg::MODE);
     let looks = [(mode & TR_AM != 0, Space::A, reg::MODE, mode), (deep_enough, Space::A, reg::TX_DRIVER, driver)];
-    // The operator is `&`, so that both checks report their findings.
+    // The operator is `&` and not `&&`, so that both checks run and report their findings.
     all(core, looks) & supply_suits(core)
 }
 
-/// Whether an ST25R3916B's settings for the supply of its driver suit each other. The ST25R3916 has none.
+/// Whether an ST25R3916B's settings of the supply of its driver fit together. The ST25R3916 has no such settings.
 pub(crate) fn supply_suits(core: &mut Core) -> bool {
     let is_a = core.config().variant == Variant::St25r3916;
     let (auxiliary, shaping) = (core.registers().b(reg::B_AUX_MOD), core.registers().b(reg::B_AWS1));
@@ -61,7 +61,8 @@ pub(crate) fn supply_suits(core: &mut Core) -> bool {
     all(core, looks)
 }
 
-/// Whether every register in `looks` (suitability, space, address, value) is suitable. An unsuitable one is a finding.
+/// Whether every register in `looks` (suitability, space, address, value) is suitable. Each unsuitable one is a
+/// finding.
 pub(crate) fn all<const N: usize>(core: &mut Core, looks: [(bool, Space, usize, u8); N]) -> bool {
     for (_, space, address, value) in looks.iter().filter(|(right, ..)| !right) {
         core.note(Kind::Modulation { space: *space, address: *address as u8, value: *value });

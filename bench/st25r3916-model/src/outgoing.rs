@@ -9,32 +9,33 @@ use crate::report::Kind;
 
 #[derive(Clone, Debug)]
 pub(crate) struct Outgoing {
-    /// The frame on the air. Its chunk has the bytes that the chip adds, then those given to the air, without the CRC.
+    /// The frame on the air. Its chunk has the bytes that the chip adds in front, then those already given to the air,
+    /// without the CRC.
     frame: FrameStart,
     trailer_bits: u32,
-    /// The number of bytes that the chip puts before those of the FIFO.
+    /// The number of bytes that the chip sends in front of those from the FIFO.
     prefix: usize,
     /// The number of whole bytes that the frame takes from the FIFO.
     whole: usize,
     /// The number of bits in an incomplete last byte from the FIFO, or 0.
     last_bits: u32,
     with_crc: bool,
-    /// Whether the frame does not reach the air, for lack of a load modulator or because of unsuitable settings.
+    /// Whether the frame does not reach the air, because there is no load modulator or the settings are unsuitable.
     pub(crate) silent: bool,
 
     start: u64,
     started: bool,
-    /// The number of bytes from the FIFO that were given to the air. Some of them are still in the FIFO.
+    /// The number of bytes from the FIFO that were announced to the air. Some of them are still in the FIFO.
     announced: usize,
-    /// The number of announced bytes that have left the FIFO.
+    /// The number of bytes announced to the air that have left the FIFO.
     consumed: usize,
     next_byte: u64,
-    /// Whether the controller cleared or read the FIFO during the frame, so that the frame underflows.
+    /// Whether the controller cleared or read the FIFO during the frame. The frame then breaks off by an underflow.
     cut: bool,
 }
 
 impl Outgoing {
-    /// Returns a frame with `cycles` carrier cycles per bit that so far has only the bytes `prefix`.
+    /// Returns a frame with `cycles` carrier cycles per bit. It has only the bytes `prefix` so far.
     fn new(core: &Core, technology: Technology, cycles: u64, prefix: Vec<u8>) -> Self {
         let frame = FrameStart {
             technology,
@@ -119,7 +120,7 @@ impl Outgoing {
         Some(Self::new(core, Technology::NfcA, CYCLES_106, vec![byte]).nfc_a(7))
     }
 
-    /// Returns the automatic answer in slot 0: a SENSF_RES with the contents of the passive target memory.
+    /// Returns the automatic answer in slot 0, which is a SENSF_RES with the contents of the passive target memory.
     pub(crate) fn automatic_answer(core: &Core) -> Self {
         let rate = match core.a(reg::RATE_DETECTED) >> 4 & 0x03 {
             0 => core.a(reg::BIT_RATE) & 0x03,
@@ -135,7 +136,7 @@ impl Outgoing {
         answer
     }
 
-    /// Adds NFC-A's start of communication and end of communication (a logic 0 and a bit without modulation).
+    /// Adds NFC-A's start of communication (a logic 0) and end of communication (a bit without modulation).
     fn nfc_a(mut self, byte_bits: u32) -> Self {
         self.frame.header_bits = 1;
         self.frame.byte_bits = byte_bits;
@@ -163,12 +164,12 @@ impl Outgoing {
         self.whole + usize::from(self.last_bits != 0)
     }
 
-    /// Returns the number of bytes from the FIFO that have not been given to the air yet.
+    /// Returns the number of bytes from the FIFO that have yet to be given to the air.
     pub(crate) fn missing(&self) -> usize {
         self.total() - self.announced
     }
 
-    /// Whether the controller cleared or read the FIFO during the frame, which then gets no more bytes.
+    /// Whether the controller cleared or read the FIFO during the frame, so that the frame gets no more bytes.
     pub(crate) fn is_cut(&self) -> bool {
         self.cut
     }
@@ -188,13 +189,14 @@ impl Outgoing {
         self.byte_start(self.consumed)
     }
 
-    /// Returns the instant, ns, from which less than `below` of the FIFO's present `level` bytes are left, if any.
+    /// Returns the instant, ns, from which fewer than `below` of the FIFO's present `level` bytes are left; `None` if
+    /// there is none.
     pub(crate) fn falls_below(&self, below: usize, level: usize) -> Option<u64> {
         let last = self.consumed + level.checked_sub(below)?;
         (self.started && last < self.total()).then(|| self.byte_start(last))
     }
 
-    /// Returns the instant at which the air needs a byte that it has not been given, ns; `None` if it has all bytes.
+    /// Returns the instant, ns, at which the air needs the next byte from the FIFO; `None` if it has all bytes.
     pub(crate) fn needs_more_at(&self) -> Option<u64> {
         (self.missing() != 0).then(|| self.byte_start(self.announced))
     }
@@ -212,7 +214,7 @@ impl Outgoing {
         u32::try_from(bits).unwrap_or(u32::MAX).min(self.data_bits())
     }
 
-    /// Returns the whole frame's number of data bits and its number of bits on the air.
+    /// Returns the number of data bits in the whole frame, and its number of bits on the air.
     fn lengths(&self) -> (u32, u64) {
         let FrameStart { header_bits, byte_bits, .. } = self.frame;
         let bytes = self.prefix + self.whole + if self.with_crc { 2 } else { 0 };

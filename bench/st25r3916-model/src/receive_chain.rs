@@ -5,19 +5,22 @@
 //! strength, so an unsuitable setting is a finding ([`crate::Kind::ReceiveChain`]). The frame is received all the same,
 //! unless [`crate::Config::unsuited_chain_receives`] is false.
 //!
-//! Accepted for NFC-F:
-//! - 0B: high-pass zeros at 12 and 200 kHz (hz 1, 5) or 12 and 80 kHz (3), low-pass at 1200 kHz (lp 0) or 600 kHz (1).
-//!   13 is the value of \[1\] (poller, both parts) and of \[2\] (poller and listener); 01 that of \[1\] for a listener
-//!   in active communication and of \[3\] for every listener.
-//! - 0C: any. It holds AGC, squelch and choice of demodulator; \[1\] to \[3\] differ (2D, 3D, FD, 6D), and none of them
-//!   blocks the signal.
-//! - 0D, 0E: 00, the HF input without gain reduction: \[1\] and \[2\]. Reset leaves 0D = D8.
-//! - B0C: 54 (\[1\], \[2\]) or 58 (poller of \[2\]); B0D: 00 (\[1\], \[2\]), because its bit 0 is for a 424 kHz
-//!   subcarrier. Neither is checked with the correlator off (dis_corr, 0A bit 2).
+//! For NFC-F these register values are accepted:
+//! - Register 0B may have high-pass zeros at 12 and 200 kHz (hz 1, 5) or 12 and 80 kHz (3), and a low-pass at 1200 kHz
+//!   (lp 0) or 600 kHz (1). 13 is the value of \[1\] (poller, both parts) and of \[2\] (poller and listener); 01 that
+//!   of \[1\] for a listener in active communication and of \[3\] for every listener.
+//! - Register 0C may have any value. It holds AGC, squelch and choice of demodulator. \[1\] to \[3\] use different
+//!   values (2D, 3D, FD, 6D), and none of them blocks the signal.
+//! - Registers 0D and 0E must be 00, which is the HF input without gain reduction: \[1\] and \[2\]. Reset leaves 0D =
+//!   D8.
+//! - Register B0C must be 54 (\[1\], \[2\]) or 58 (poller of \[2\]). B0D must be 00 (\[1\], \[2\]), because its bit 0
+//!   is for a 424 kHz subcarrier. Neither register is checked with the correlator off (dis_corr, 0A bit 2).
 //!
-//! Accepted for NFC-A at 106 kbit/s, each by \[1\], \[4\] and the recording that this crate's tests replay:
-//! - 0B: 08; 0C: any; 0D, 0E: 00.
-//! - B0C: 51, or 11 during anticollision; B0D: 00. Neither is checked with the correlator off.
+//! For NFC-A at 106 kbit/s these values are accepted, each by \[1\], \[4\] and the recording that this crate's tests
+//! replay:
+//! - Register 0B must be 08, and 0D and 0E 00. 0C may have any value.
+//! - Register B0C must be 51, or 11 during anticollision, and B0D 00. Neither register is checked with the correlator
+//!   off.
 //!
 //! Public repositories:
 //! - \[1\] stm32duino/ST25R3916 `src/rfal_rfst25r3916_analogConfigTbl.h` (ST's own table)
@@ -27,15 +30,15 @@
 //! - \[4\] flipperdevices/flipperzero-firmware `targets/f7/furi_hal/furi_hal_nfc_iso14443a.c` (poller and listener)
 //!
 //! The channel (0B bit 7, AM or PM) is not checked. Where sources disagree about a listener, every setting that one of
-//! them uses is accepted, but not the reset values; \[1\] sets nothing for a passive listener and keeps the settings of
-//! an earlier poller. Further values that work on silicon can be added with their measurement.
+//! them uses is accepted, but not the reset values. \[1\] sets nothing for a passive listener, and keeps the settings
+//! of an earlier poller. Further values that work on silicon can be added with their measurement.
 
 use crate::core::Core;
 use crate::event::Technology;
 use crate::registers::reg;
 use crate::report::{Kind, Space};
 
-/// dis_corr of register 0A: the correlator is off, and its settings have no effect.
+/// The bit dis_corr of register 0A. It switches the correlator off, so that the correlator's settings have no effect.
 const DIS_CORR: u8 = 0x04;
 
 /// Whether every register of the receive chain suits `technology`. Each unsuitable one is a finding.

@@ -37,8 +37,8 @@ use crate::timers::{self, Trigger};
 const LEVEL: usize = 300;
 /// The carrier cycles from the end of a SENSF_REQ to the first slot of its answer: 512 × 64 (ISO 18092, 2.417 ms).
 const ANSWER_DELAY_CYCLES: u64 = 512 * 64;
-/// The carrier cycles from the end of a frame to the earliest answer in NFC-F (NFC Forum, Digital Protocol 1.1,
-/// TR0F,LISTEN,MIN; proxmark3 `armsrc/felica.c`, stm32duino/ST25R3916's family of libraries).
+/// The guard time: the carrier cycles from the end of a frame to the earliest answer in NFC-F (NFC Forum, Digital
+/// Protocol 1.1, TR0F,LISTEN,MIN; proxmark3 `armsrc/felica.c`, stm32duino/ST25R3916's family of libraries).
 const GUARD_CYCLES: u64 = 2_672;
 
 #[derive(Clone, Debug)]
@@ -46,7 +46,7 @@ pub(crate) struct Receiver {
     frame: Option<Incoming>,
     /// The instant since which the receiver has been unmasked, ns; `None` if it is masked.
     unmasked_since: Option<u64>,
-    /// The instant at which the last received frame ended, ns; `None` after a target has answered it.
+    /// The instant at which the last received frame ended that no answer has followed, ns; `None` without such a frame.
     asked: Option<u64>,
 }
 
@@ -63,27 +63,28 @@ impl Receiver {
         self.frame.as_ref().is_some_and(|frame| frame.locked)
     }
 
-    /// Whether the receiver is masked, by D0 or by the end of a frame.
+    /// Whether the receiver is masked. D0 masks it, and so does the end of a frame.
     pub(crate) fn masked(&self) -> bool {
         self.unmasked_since.is_none()
     }
 
-    /// Masks the receiver, by D0 or because it hangs after a broken frame.
+    /// Masks the receiver, as D0 does, or as a broken frame does on which the receiver hangs.
     pub(crate) fn mask(&mut self) {
         self.unmasked_since = None;
     }
 
-    /// Unmasks the receiver by D1. A frame that is already past its sync is not received.
+    /// Unmasks the receiver, as D1 does. A frame that is already past its sync is not received.
     pub(crate) fn unmask(&mut self, now: u64) {
         self.unmasked_since.get_or_insert(now);
     }
 
-    /// Starts the decoder at the end of the mask-receive timer, unless the receiver is masked for another reason.
+    /// Starts the decoder when the mask-receive timer ends, unless the receiver is masked for another reason.
     pub(crate) fn mask_timer_ends(&mut self, now: u64) {
         self.unmasked_since = self.unmasked_since.map(|_| now);
     }
 
-    /// Unmasks the receiver, or masks a target that must be re-armed by D1, after a change of mode, a stop or a frame.
+    /// Sets the mask after a change of mode, a stop or a frame. A target that must be re-armed by D1 is masked, and any
+    /// other receiver is unmasked.
     pub(crate) fn mask_idle(&mut self, core: &Core) {
         let waits = core.target() && core.config().target_rearms_by_command;
         self.unmasked_since = (!waits).then_some(core.now());
@@ -105,7 +106,7 @@ impl Receiver {
         }
     }
 
-    /// Plans I_wl again, if a byte that the controller read has brought the FIFO below its water level.
+    /// Plans I_wl again if a read by the controller has brought the FIFO below its water level.
     pub(crate) fn taken(&mut self, core: &mut Core, fifo: &mut Fifo) {
         if fifo.len() + 1 == LEVEL {
             self.plan_level(core, fifo);
@@ -136,7 +137,7 @@ impl Receiver {
     }
 
     pub(crate) fn frame_starts(&mut self, core: &mut Core, fifo: &mut Fifo, at: u64, frame: FrameStart) {
-        // A new frame masks the rest of an unfinished one.
+        // A frame that begins during another one masks the rest of that one.
         self.signal_lost(core, fifo, at);
         if self.busy() {
             core.statistics_mut().missed += 1;
@@ -163,7 +164,7 @@ impl Receiver {
     pub(crate) fn frame_ends(&mut self, core: &mut Core, fifo: &mut Fifo, at: u64, bits: u32) {
         let Some(frame) = self.frame.as_mut().filter(|frame| !frame.has_ended()) else { return };
         if !frame.locked && at < frame.header_end() {
-            // A frame that broke off before the end of its sync cannot be detected.
+            // The frame broke off before the end of its sync, so the receiver cannot detect it.
             return self.signal_lost(core, fifo, at);
         }
         frame.ends(at, bits);
@@ -181,12 +182,12 @@ impl Receiver {
         }
     }
 
-    /// Whether the receiver accepts the frame `rx`. `sending` is true if the transmitter has a frame.
+    /// Whether the receiver accepts the frame `rx`. `sending` says that the transmitter is sending a frame.
     fn takes(&self, core: &Core, field: &Field, sending: bool, rx: &Incoming) -> bool {
         if !core.powered() || !core.oscillator() || !core.operates(RX_EN) || sending {
             return false;
         }
-        // The decoder must have run since the sync, or the start of communication, began.
+        // The decoder must have run since the beginning of the sync, or of the start of communication.
         if self.unmasked_since.is_none_or(|since| since > rx.sync_start()) {
             return false;
         }
@@ -198,7 +199,7 @@ impl Receiver {
             }
             match rx.frame.technology {
                 Technology::NfcF if om == 0x04 => right_rate,
-                // om3 selects bit rate detection, with om2 for NFC-F and om0 for NFC-A.
+                // The mode bit om3 selects bit rate detection: with om2 for NFC-F, with om0 for NFC-A.
                 Technology::NfcF => om & 0x08 != 0 && om & 0x04 != 0,
                 Technology::NfcA => om & 0x08 != 0 && om & 0x01 != 0,
             }
@@ -211,7 +212,7 @@ impl Receiver {
         }
     }
 
-    /// Whether mode and bit rate are modelled for the frame `rx`; if not, they are a finding.
+    /// Reports a mode or a bit rate as a finding if the model does not cover it for the frame `rx`.
     fn is_modelled(&self, core: &mut Core, sending: bool, rx: &Incoming) {
         let listening = core.powered() && core.oscillator() && core.operates(RX_EN) && !sending;
         if !listening || self.masked() || core.target() == rx.frame.load_modulation {
@@ -221,7 +222,7 @@ impl Receiver {
         let rate_modelled = match (core.target(), core.operation_mode()) {
             (false, 0x01) => rate == 0,
             (false, 0x03) | (true, 0x04) => matches!(rate, 1 | 2),
-            // With bit rate detection (om3) the chip finds the rate itself, for NFC-A with om0 and for NFC-F with om2.
+            // With bit rate detection (om3) the chip finds the rate by itself: with om0 for NFC-A, with om2 for NFC-F.
             (true, 0x09 | 0x0C | 0x0D) => true,
             _ => return core.note(Kind::UnmodelledMode(core.a(reg::MODE))),
         };
@@ -230,7 +231,7 @@ impl Receiver {
         }
     }
 
-    /// Accepts or misses a frame at the end of its header. `sending` is true if the transmitter has a frame.
+    /// Accepts or misses a frame at the end of its header. `sending` says that the transmitter is sending a frame.
     pub(crate) fn starts(&mut self, core: &mut Core, fifo: &mut Fifo, field: &Field, sending: bool) {
         let Some(mut rx) = self.frame.take() else { return };
         self.is_modelled(core, sending, &rx);
@@ -308,7 +309,7 @@ impl Receiver {
         if rx.frame.chunk.parity_error && core.a(reg::ISO14443A) & 0x40 == 0 {
             raised |= irq::PAR;
         }
-        // d_212_424_1r (08, bit 2) disables the automatic answer.
+        // The bit d_212_424_1r (register 08, bit 2) disables the automatic answer.
         if core.target() && !crc_wrong && asks_for_own(core, &rx) && core.a(reg::PASSIVE_TARGET) & 0x04 == 0 {
             raised = (raised & !irq::RXE) | irq::RXE_PTA | irq::WU_F;
             let delay = core.clock().cycles(ANSWER_DELAY_CYCLES);
@@ -323,7 +324,7 @@ impl Receiver {
         }
     }
 
-    /// Reports an answer that begins at `start` within the guard time or without an unanswered frame before it.
+    /// Reports an answer that begins at `start`, if it comes within the guard time or if no frame waits for an answer.
     pub(crate) fn answers(&mut self, core: &mut Core, start: u64) {
         let Some(end) = self.asked.take() else { return core.note(Kind::AnswerUnasked) };
         let after = start.saturating_sub(end);

@@ -12,10 +12,10 @@
 //! | stream mode, EMD suppression, wake-up by amplitude or phase, | the link uses none; a write of another value |
 //! | PPON2, capacitive sensor | than reset is reported |
 //!
-//! The reset values of 03, 0B, 0C, 0D, 0F, 15, 28, B0B, B0C, B15 and B29 come from a recording of silicon after a
-//! bring-up that does not write them, those of 26, 27, 29–2B and B2A from public drivers. B28 connects the load
-//! modulator after reset, which is the cautious assumption for a listener that must not answer. All other reset values
-//! are 0.
+//! The reset values have three sources. Those of registers 03, 0B, 0C, 0D, 0F, 15, 28, B0B, B0C, B15 and B29 come from
+//! a recording of silicon after a bring-up that does not write them. Those of 26, 27, 29–2B and B2A come from public
+//! drivers. All others are 0. B28 connects the load modulator after reset, which is the cautious assumption for a
+//! listener that must not answer.
 
 use crate::Variant;
 use crate::report::Space;
@@ -62,7 +62,7 @@ pub(crate) mod reg {
     pub(crate) const B_RC_CALIBRATION: usize = 0x39;
 }
 
-/// Bits of the operation control register (02).
+/// Bits of the operation control register, 02.
 pub(crate) const EN: u8 = 0x80;
 pub(crate) const RX_EN: u8 = 0x40;
 pub(crate) const TX_EN: u8 = 0x08;
@@ -73,7 +73,7 @@ pub(crate) const TARGET: u8 = 0x80;
 /// How far a register is modelled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Class {
-    /// The value is stored. The function is modelled, or is analog and has no effect in the model.
+    /// The value is stored. Its function is modelled, or is analog and has no effect in the model.
     Stored,
     /// The register shows a result or a status, and writes have no effect.
     ReadOnly,
@@ -120,7 +120,7 @@ pub(crate) fn reset(space: Space, address: u8) -> u8 {
     }
 }
 
-/// Returns the bits of a register that a fault can flip: those of stored registers and of interrupt registers.
+/// Returns the bits of a register that a fault can flip: all bits of stored registers and of interrupt registers.
 pub(crate) fn flippable(variant: Variant, space: Space, address: u8) -> u8 {
     match class(variant, space, address) {
         Class::Stored | Class::Unmodelled => writable(space, address),
@@ -132,10 +132,10 @@ pub(crate) fn flippable(variant: Variant, space: Space, address: u8) -> u8 {
 /// Returns the bits that exist in a register. The others read 0.
 pub(crate) fn writable(space: Space, address: u8) -> u8 {
     match (space, address) {
-        // Bit 1 is reserved, and bit 0 is slow_up (ST25R3916) or act_amsink (B).
+        // Bit 1 of register 01 is reserved, and bit 0 is slow_up (ST25R3916) or act_amsink (B).
         (Space::A, 0x01) => 0xFD,
         (Space::A, 0x04) => 0x33,
-        // Bit 2 is reserved: in the recording of silicon FF is written and FB is read back.
+        // Bit 2 of register 19 is reserved: in the recording of silicon the firmware writes FF and reads FB back.
         (Space::A, 0x19) => 0xFB,
         (Space::A, 0x12) => 0xEF,
         _ => 0xFF,
@@ -145,11 +145,11 @@ pub(crate) fn writable(space: Space, address: u8) -> u8 {
 /// Returns the bits of `value` that are not modelled; a write that sets them is a finding.
 pub(crate) fn unmodelled_bits(space: Space, address: u8, value: u8) -> u8 {
     match (space, address) {
-        // nfc_ar lets the chip switch a response field on by itself.
+        // Bits 0 and 1 of register 03 are nfc_ar, which lets the chip switch a response field on by itself.
         (Space::A, 0x03) => value & 0x03,
-        // These bits are no_rx_par, nfc_f0 and antcl.
+        // Bits 0, 5 and 6 of register 05 are antcl, nfc_f0 and no_rx_par.
         (Space::A, 0x05) => value & 0x61,
-        // Values of gptc other than 1 and 2, and nrt_nfc and nrt_emv, are not modelled.
+        // In register 12 the model covers gptc values 1 and 2, and neither nrt_nfc nor nrt_emv.
         (Space::A, 0x12) => value & 0x06 | if value >> 5 > 2 { value & 0xE0 } else { 0 },
         _ => 0,
     }
@@ -174,7 +174,7 @@ pub(crate) fn class(variant: Variant, space: Space, address: u8) -> Class {
             0x2E | 0x2F | 0x34..=0x38 if variant == Variant::St25r3916b => Class::Stored,
             _ => Class::Absent,
         },
-        // The bring-up of the ST25R3916 writes test register 04 (overheat protection off).
+        // Test register 04 switches the overheat protection off. The bring-up of the ST25R3916 writes it.
         Space::Test => match address {
             0x04 => Class::Stored,
             _ => Class::Unmodelled,
@@ -226,7 +226,7 @@ impl Registers {
         self.a[i]
     }
 
-    /// Returns registers `i` (the higher byte) and `i + 1` of space A as one number.
+    /// Returns two registers of space A as one number: `i` is the higher byte, `i + 1` the lower one.
     pub(crate) fn a16(&self, i: usize) -> u16 {
         u16::from_be_bytes([self.a[i], self.a[i + 1]])
     }

@@ -31,27 +31,28 @@ pub struct Report {
 pub enum Kind {
     /// A direct command that is not modelled was sent and had no effect.
     UnmodelledCommand(u8),
-    /// Measure amplitude (D3) or phase (D9) was used, whose result is a constant of [`Config`](crate::Config).
+    /// Measure amplitude (D3) or phase (D9) was used. Its result in the model is a constant of
+    /// [`Config`](crate::Config).
     ConstantMeasurement(u8),
     /// An SPI mode byte was sent that the data sheet does not define.
     UnknownModeByte(u8),
-    /// A register whose function is not modelled was set to another value than its reset value.
+    /// A register whose function is not modelled was set to a value other than its reset value.
     UnmodelledRegister(Space, u8),
-    /// Bits that are not modelled were set in a register that is modelled otherwise: space, address, bits.
+    /// Bits that are not modelled were set in a register whose other bits are modelled: space, address, bits.
     UnmodelledBits(Space, u8, u8),
     /// A register was accessed that this variant does not have.
     NoSuchRegister(Space, u8),
     /// A read-only register was written.
     ReadOnlyWritten(Space, u8),
-    /// A frame was to be sent or received in an operation mode (03) that is not modelled.
+    /// A frame was to be sent or received in an operation mode (register 03) that is not modelled.
     UnmodelledMode(u8),
-    /// A frame was to be sent or received at a bit rate (04) that is not modelled in its mode.
+    /// A frame was to be sent or received at a bit rate (register 04) that is not modelled in its mode.
     UnmodelledBitRate(u8),
     /// The FIFO was accessed without a stable oscillator. Bytes written are lost, bytes read are 0.
     FifoWithoutOscillator,
     /// A command that needs a stable oscillator came without one and was ignored.
     CommandWithoutOscillator(u8),
-    /// The mode register (03) was written without a stable oscillator, which was ignored.
+    /// The mode register, 03, was written without a stable oscillator. The write was ignored.
     ModeWithoutOscillator,
     /// A transmission was requested without a field and was ignored.
     TransmitWithoutField,
@@ -67,8 +68,9 @@ pub enum Kind {
     /// the frame breaks off by an underflow when the byte on the air ends. If no byte was on the air yet, bytes that
     /// are loaded in time are sent instead.
     FifoDisturbed,
-    /// The mode (03) or the bit rate (04) was changed during a frame, for which no document describes silicon's
-    /// behaviour. A frame being sent continues, and a frame being received is dropped if the change concerns reception.
+    /// The mode (register 03) or the bit rate (register 04) was changed during a frame. No document describes what
+    /// silicon does then. In the model a frame being sent continues, and a frame being received is dropped if the
+    /// change concerns reception.
     ChangedInFrame(u8),
     /// More bytes were written than the FIFO can hold, and the excess was lost.
     FifoOverflow,
@@ -78,9 +80,9 @@ pub enum Kind {
     FrameOverwritten,
     /// The SPI clock was above 10 MHz, the chip's highest: its rate in Hz.
     SpiTooFast(u32),
-    /// The controller used another SPI mode than 1, with which bits are sampled too early or too late.
+    /// The controller used another SPI mode than 1. In such a mode bits are sampled too early or too late.
     WrongSpiMode(u8),
-    /// A transfer ended within a byte: the number of clocks, 1 to 7, whose bits were lost.
+    /// A transfer ended within a byte, whose bits were lost. The value is the number of its clocks, 1 to 7.
     BitsLost(u8),
     /// The SPI clock ran without chip select.
     NotSelected,
@@ -90,11 +92,12 @@ pub enum Kind {
     TransferCutShort,
     /// The chip was accessed without a supply.
     NotPowered,
-    /// sup3V (01, bit 7) does not suit the supply voltage.
+    /// The bit sup3V (register 01, bit 7) does not suit the supply voltage.
     SupplyMismatch,
     /// The supply voltage, mV, is outside the chip's range.
     SupplyOutOfRange(u16),
-    /// The antenna was used with tuning values (26, 27) that have no effect, because aat_en (01, bit 5) is clear.
+    /// The antenna was used with tuning values (registers 26, 27) that have no effect, because aat_en (register 01, bit
+    /// 5) is clear.
     AntennaTuningOff,
     /// A frame was received with a value of the receive chain that no public source uses for its technology.
     ReceiveChain {
@@ -116,18 +119,20 @@ pub enum Kind {
         /// The register's value.
         value: u8,
     },
-    /// The field detector's lower threshold (2A, 2B, peer detection) is not below its upper one.
+    /// The field detector's lower threshold (registers 2A, 2B, peer detection) is not below its upper one.
     FieldWithoutHysteresis(u8, u8),
-    /// Initial field on (C8) came while the field detector was off, so collision avoidance could not detect a field.
+    /// Initial field on (C8) was sent while the field detector was off, so collision avoidance could not detect a
+    /// field.
     CollisionAvoidanceBlind,
-    /// A target was armed while automatic answers were enabled (08) and the load modulator was connected.
+    /// A target was armed while register 08 enabled automatic answers and the load modulator was connected.
     AutomaticAnswersEnabled,
-    /// The chip answered, on the air or not, although it may not ([`Config::answers`](crate::Config::answers)).
+    /// The chip answered although [`Config::answers`](crate::Config::answers) does not permit it. The answer need not
+    /// have reached the air.
     LoadModulation,
     /// The chip answered although it had received no frame since its last answer.
     AnswerUnasked,
-    /// An answer began within the guard time of NFC-F, 2672 carrier cycles. The value is the time from the end of the
-    /// frame to the answer, ns.
+    /// An answer began within the guard time of NFC-F, 2672 carrier cycles. The value is the time from the frame's end
+    /// to the answer, ns.
     AnswerTooEarly(u64),
 }
 

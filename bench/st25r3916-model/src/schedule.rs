@@ -2,7 +2,7 @@
 
 const NEVER: u64 = u64::MAX;
 
-/// The kinds of deadlines. Of deadlines at the same instant, those listed first are carried out first.
+/// The kinds of deadlines. If several are due at one instant, they are carried out in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum Due {
@@ -14,9 +14,9 @@ pub(crate) enum Due {
     FieldDetect,
     /// An event of the air takes effect.
     Heard,
-    /// The first bit of a frame being sent leaves.
+    /// A frame being sent begins on the air.
     TxStart,
-    /// A frame being sent needs bytes that the FIFO has received since the last chunk.
+    /// A frame being sent needs bytes that were loaded into the FIFO after its last chunk.
     TxMore,
     /// The FIFO falls below its water level for sending.
     TxLevel,
@@ -74,7 +74,7 @@ impl Schedule {
         Self { due: [NEVER; DUES.len()], next: NEVER }
     }
 
-    /// Sets the deadline of kind `what` to `at`, in place of an earlier one.
+    /// Sets the deadline of kind `what` to `at`, and replaces an earlier one of this kind.
     pub(crate) fn plan(&mut self, what: Due, at: u64) {
         self.due[what as usize] = at;
         self.next = self.due.iter().copied().min().unwrap_or(NEVER);
@@ -93,7 +93,7 @@ impl Schedule {
         (self.next != NEVER).then_some(self.next)
     }
 
-    /// Removes and returns the first deadline with its instant, if it is not after `now`.
+    /// Removes the first deadline if it is due at `now` or before, and returns it with its instant.
     pub(crate) fn take(&mut self, now: u64) -> Option<(u64, Due)> {
         if self.next > now {
             return None;

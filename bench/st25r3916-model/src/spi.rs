@@ -1,8 +1,8 @@
 //! The state of the SPI slave.
 //!
-//! The first clock edge of a byte is eight clock periods before the byte's end (SPI mode 1; the last edge is half a
-//! period before the end). If the rate is not known, the chip's highest, 10 MHz, is assumed. On a slower clock the IRQ
-//! pin then really falls earlier than the model says.
+//! The first clock edge of a byte is eight clock periods before the byte's end. (In SPI mode 1 the last edge is half a
+//! period before the end.) If the clock rate is not known, it is taken as 10 MHz, the chip's highest. If the clock is
+//! slower, the IRQ pin really falls earlier than the model says.
 
 use crate::report::Space;
 
@@ -15,14 +15,14 @@ const PERIODS: u64 = 8;
 pub(crate) enum State {
     #[default]
     Mode,
-    /// A prefix came; the next byte is the mode byte of a register access in this space.
+    /// A prefix has come. The next byte is the mode byte of a register access in this space.
     Prefix(Space),
-    /// The address of a register write came; the next byte is the first value.
+    /// The address of a register write has come, and the next byte is the first value.
     WriteFirst(Space, u8),
     Write(Space, u8),
     Read(Space, u8),
     Load,
-    /// The FIFO is being read. True if it had a byte to shift out.
+    /// The FIFO is being read. The field says whether it had a byte to shift out.
     ReadFifo(bool),
     LoadTarget(u8),
     ReadTarget(u8),
@@ -35,13 +35,13 @@ pub(crate) struct Spi {
     pub(crate) selected: bool,
     pub(crate) state: State,
     pub(crate) out: u8,
-    /// Whether a transmit command (C4 to C7) came in this transfer.
+    /// Whether this transfer contained a transmit command (C4 to C7).
     pub(crate) commanded: bool,
     /// The instant at which the last byte ended, or chip select fell, ns.
     pub(crate) last_byte: u64,
     /// The rate of the controller's clock, Hz; 0 if it is unknown.
     hz: u32,
-    /// The bits and the duration (ns) of the frame that gave the clock rate. An equal frame needs no new calculation.
+    /// The bits and the duration (ns) of the frame that gave the clock rate. An equal frame gives the same rate.
     span: (u8, u64),
 }
 
@@ -59,7 +59,7 @@ impl Spi {
         self.hz = hz;
     }
 
-    /// Derives the clock rate from a frame of `bits` bits that took `ns`. Changes of up to one percent are ignored.
+    /// Calculates the clock rate from a frame of `bits` bits that took `ns`. Changes of up to one percent are ignored.
     pub(crate) fn took(&mut self, bits: u8, ns: u64) {
         if self.span == (bits, ns) {
             return;
@@ -75,7 +75,7 @@ impl Spi {
     pub(crate) fn after_first_edge(&self, now: u64, fall_ns: u64) -> u64 {
         let hz = u64::from(if self.hz == 0 { MAX_HZ } else { self.hz });
         let before_end = (PERIODS * 1_000_000_000 / hz).saturating_sub(fall_ns);
-        // Even with a wrong clock rate the instant is not before the end of the previous byte.
+        // The calculated instant is never before the end of the previous byte, even if the clock rate is wrong.
         now.saturating_sub(before_end).max(self.last_byte).min(now)
     }
 }

@@ -21,9 +21,9 @@ use crate::registers::{self, RX_EN, reg};
 use crate::report::{Kind, Space};
 
 const RANGE_MV: core::ops::RangeInclusive<u16> = 2_400..=5_500;
-/// The bit sup3V must be set below this supply voltage, mV, and clear above it.
+/// The supply voltage, mV, below which the bit sup3V must be set and above which it must be clear.
 const SUP3V_MV: u16 = 3_600;
-/// A step of the A/D converter in a supply measurement, rounded up, mV: the tolerance of [`SUP3V_MV`].
+/// The tolerance of [`SUP3V_MV`], mV: a step of the A/D converter in a supply measurement, rounded up.
 const STEP_MV: u16 = 24;
 const SUP3V: u8 = 0x80;
 const AAT_EN: u8 = 0x20;
@@ -42,7 +42,7 @@ pub(crate) fn suits(core: &mut Core) {
 
 /// Reports antenna tuning values that have no effect, because the antenna is used while aat_en is clear.
 pub(crate) fn tuning_suits(core: &mut Core, field: &Field) {
-    // The antenna is used if the chip's carrier is on, or if the chip listens for another chip's carrier.
+    // A chip uses its antenna while its carrier is on, and while it listens for another chip's carrier.
     let listens = core.oscillator() && core.target() && core.operates(RX_EN);
     if !field.own() && !listens {
         return;
@@ -53,7 +53,8 @@ pub(crate) fn tuning_suits(core: &mut Core, field: &Field) {
     }
 }
 
-/// Returns the result of Measure power supply (DF), steps of 23.4 mV, for the supply that mpsv (2C, bits 2:0) selects.
+/// Returns the result of Measure power supply (DF), steps of 23.4 mV, for the supply that mpsv (register 2C, bits 2:0)
+/// selects.
 pub(crate) fn measured(core: &Core) -> u8 {
     let mv = match core.a(reg::REGULATOR) & 0x07 {
         0 => core.config().vdd_mv,

@@ -59,13 +59,14 @@ pub(crate) fn general_purpose_trigger(core: &mut Core, trigger: Trigger) {
 
 pub(crate) fn start_wake_up(core: &mut Core) {
     let w = core.a(reg::WAKE_UP);
-    // wur selects steps of 10 ms (1) or 100 ms (0), and wut selects 1 to 8 of them. The RC oscillator is assumed to be
-    // exact.
+    // wur selects steps of 10 ms (1) or 100 ms (0), and wut selects 1 to 8 such steps. The RC oscillator is assumed to
+    // be exact.
     let step = if w & 0x80 != 0 { 10_000_000 } else { 100_000_000 };
     core.plan_in(Due::WakeUp, step * (1 + u64::from((w >> 4) & 0x07)));
 }
 
-/// Ends the wake-up timer, which raises an interrupt if wto (32, bit 3) is set. A measurement is not modelled.
+/// Ends the wake-up timer, which raises an interrupt if wto (register 32, bit 3) is set. The measurement at wake-up is
+/// not modelled.
 pub(crate) fn wake_up(core: &mut Core) {
     if core.a(reg::WAKE_UP) & 0x08 != 0 {
         core.raise(irq::WT);

@@ -1,8 +1,8 @@
 //! The transmitter: frames out of the FIFO onto the air.
 //!
-//! At the start of a frame, all bytes in the FIFO go onto the air as one chunk. Bytes that the controller loads later
-//! follow as further chunks, each when the air needs its first byte. The number of bytes that have left the FIFO is
-//! calculated when the FIFO is accessed ([`Transmitter::settle`]).
+//! At the start of a frame, all bytes in the FIFO go to the air as one chunk. Bytes that the controller loads later
+//! follow as further chunks, each at the instant at which the air needs its first byte. The number of bytes that have
+//! left the FIFO is calculated when the FIFO is accessed ([`Transmitter::settle`]).
 //!
 //! | covered | DS13541 |
 //! |---|---|
@@ -77,11 +77,11 @@ impl Transmitter {
             if !core.config().answers {
                 core.note(Kind::LoadModulation);
             }
-            // The operator is `&`, so that both checks report their findings.
+            // The operator is `&` and not `&&`, so that both checks run and report their findings.
             let modulates = load_modulation::suits(core) & modulation::in_tune(core);
             frame.silent = !core.load_modulator() || !modulates && !core.config().unsuited_modulation_reaches;
         } else if frame.technology() == Technology::NfcF {
-            // The operator is `&`, so that both checks report their findings.
+            // The operator is `&` and not `&&`, so that both checks run and report their findings.
             let modulates = modulation::suits(core) & modulation::in_tune(core);
             frame.silent = !modulates && !core.config().unsuited_modulation_reaches;
         }
@@ -119,7 +119,8 @@ impl Transmitter {
         }
     }
 
-    /// Puts bytes on the air that the controller loaded since. If there are none, the frame breaks off by an underflow.
+    /// Puts bytes on the air that the controller has loaded since the last chunk. If there are none, the frame breaks
+    /// off by an underflow.
     pub(crate) fn goes_on(&mut self, core: &mut Core, fifo: &mut Fifo) {
         self.settle(core, fifo);
         let Some(frame) = &mut self.frame else { return };
@@ -140,7 +141,7 @@ impl Transmitter {
         self.plan(core);
     }
 
-    /// Breaks off a transmission at its next byte, if it still needs bytes of the FIFO that was cleared or read.
+    /// Makes a transmission break off at its next byte if it still needs bytes of the FIFO, which was cleared or read.
     pub(crate) fn disturb(&mut self, core: &mut Core) {
         let Some(frame) = self.frame.as_mut().filter(|frame| !frame.all_taken()) else { return };
         if frame.disturb() {
@@ -174,7 +175,7 @@ impl Transmitter {
         }
     }
 
-    /// Handles a byte that the controller loaded, which may bring the FIFO back to its water level.
+    /// Handles a byte that the controller has loaded. It may bring the FIFO back to its water level.
     pub(crate) fn loaded(&mut self, core: &mut Core, fifo: &mut Fifo) {
         if fifo.len() == LEVEL {
             self.plan_level(core, fifo);

@@ -26,7 +26,7 @@ fn send(pair: &mut Pair, n: usize, seed: u64) {
     pair.fire();
 }
 
-/// Returns the listener's interrupts and its FIFO bytes after a frame, and arms the listener again.
+/// Returns the listener's interrupts and its FIFO bytes after a frame. Arms the listener again.
 fn received(pair: &mut Pair) -> ([u8; 4], Vec<u8>) {
     let irqs = pair.irqs(Side::Listener);
     let (n, _) = pair.fifo(Side::Listener);
@@ -45,7 +45,7 @@ fn the_crc_finds_every_burst_of_up_to_16_bits() {
         pair.run_for(5 * MS);
         let heard = pair.air.take_heard().remove(0);
         let (irqs, data) = received(&mut pair);
-        // A burst in LEN makes the frame appear shorter or longer.
+        // A burst that hits LEN makes the frame appear shorter or longer.
         if heard.bytes[0] == 101 {
             assert_eq!((irqs, &data), ([0x30, 0, 0x80, 0], &heard.bytes));
             whole += 1;
@@ -83,7 +83,7 @@ fn a_delayed_frame_is_received_when_it_comes_and_not_before() {
     pair.run_to(start + 12 * MS);
     assert_eq!(pair.irqs(Side::Listener), [0; 4]);
     assert!(pair.wait_irq(Side::Listener, MS));
-    // The time to I_rxs includes 64 bits of preamble and sync, and the receiver's latency.
+    // The time to I_rxs contains 64 bits of preamble and sync, and the receiver's latency.
     assert_eq!(pair.now, start + 12 * MS + 151_032 + pair.listener.config().nfc_f_latency_ns);
     pair.run_for(5 * MS);
     let (irqs, data) = received(&mut pair);
@@ -138,8 +138,7 @@ fn the_fifo_holds_the_bits_of_a_byte_that_breaks_off() {
         let mut pair = pair(clean());
         send(&mut pair, 60, 1);
         let start = pair.now + pair.poller.config().transmit_latency_ns;
-        // Preamble, sync, LEN, nine bytes of payload and `bits` bits have arrived when the field goes off in the middle
-        // of a bit.
+        // The field goes off in the middle of a bit, after preamble, sync, LEN, nine bytes of payload and `bits` bits.
         let came = 64 + 80 + bits;
         pair.run_to(start + (2 * came + 1) * 18_879 / 16);
         set(&mut pair, AirFaults { field_off: true, ..clean() });
@@ -153,7 +152,7 @@ fn the_fifo_holds_the_bits_of_a_byte_that_breaks_off() {
         // NFC-F sends the most significant bit of a byte first.
         let of_last = held.get(bytes).copied().unwrap_or(0);
         assert_eq!(of_last, sent[bytes - 1] & !(0xFF >> last), "{bits} bits");
-        // The air's record has only whole bytes.
+        // The air records whole bytes only.
         assert_eq!(pair.air.take_heard().remove(0).bytes, held[..bytes], "{bits} bits");
     }
 }
@@ -185,7 +184,7 @@ fn a_frame_that_breaks_off_within_its_sync_is_not_received() {
         send(&mut pair, 60, 1);
         let start = pair.now + pair.poller.config().transmit_latency_ns;
         pair.run_to(start + bits_in * 2_360 - BYTE_NS);
-        // Stop breaks off the frame but leaves the field on.
+        // The command Stop breaks the frame off but leaves the field on.
         pair.spi(Side::Poller, &[0xC2]);
         pair.run_for(MS);
         let irqs = pair.irqs(Side::Listener);
@@ -212,8 +211,8 @@ fn a_frame_whose_fifo_runs_dry_is_not_delivered() {
 
 #[test]
 fn an_nfc_a_frame_is_delivered_unless_its_fifo_runs_dry() {
-    // The first two cases send three bytes with CRC, of which the FIFO has three or two. The last case sends a short
-    // frame.
+    // In the first two cases the poller sends three bytes with CRC. Its FIFO has three bytes, or only two. In the last
+    // case it sends a short frame.
     for (loaded, command, delivered) in [(3, 0xC4, true), (2, 0xC4, false), (0, 0xC6, true)] {
         let mut pair = nfc_a_poller(Config::default());
         pair.spi(Side::Poller, &[0xDB]);
@@ -229,7 +228,7 @@ fn an_nfc_a_frame_is_delivered_unless_its_fifo_runs_dry() {
 
 #[test]
 fn a_listener_behind_the_airs_time_still_receives_its_frames() {
-    // Poller and air run a millisecond ahead of the listener.
+    // Poller and air are advanced a millisecond ahead of the listener.
     let faults = AirFaults { repeated: 1.0, repeat_after_ns: (2 * MS, 2 * MS), ..clean() };
     let mut pair = pair(faults);
     send(&mut pair, 60, 1);

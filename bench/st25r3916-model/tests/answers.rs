@@ -13,7 +13,7 @@ fn clean() -> Air {
     Air::new(1, AirFaults::default())
 }
 
-/// Returns a poller with its receiver on, and a listener with the settings of ST's table that may answer.
+/// Returns a poller with its receiver on, and a listener that may answer and has the settings of ST's table.
 fn answering(poller: Config, listener: Config) -> Pair {
     let mut pair = Pair::started(poller, Config { answers: true, ..listener }, clean());
     let is_b = pair.listener.config().variant == Variant::St25r3916b;
@@ -27,19 +27,20 @@ fn answering(poller: Config, listener: Config) -> Pair {
     pair.spi(Side::Listener, &[0x16, 0xC7]);
     pair.receive_nfc_f(Side::Poller);
     pair.spi(Side::Poller, &[0x16, 0x47, 0x3F]);
-    // The no-response timer is set to 669 steps of 64 carrier cycles, the mask-receive timer to 40.
+    // The writes set the no-response timer to 669 steps of 64 carrier cycles, and the mask-receive timer to 40.
     pair.spi(Side::Poller, &[0x10, 0x02, 0x9D, 0x00]);
     pair.spi(Side::Poller, &[0x0F, 0x28]);
     pair.spi(Side::Poller, &[0x02, 0xC8]);
     pair
 }
 
-/// Returns a poller and a listener that may answer; both start transmissions without scatter.
+/// Returns a poller and a listener that may answer. The start of their transmissions does not scatter.
 fn exact_pair() -> Pair {
     answering(exact(), exact())
 }
 
-/// Sends a frame of 64 bytes, runs until the listener has received and read it, and returns the instant of its end.
+/// Sends a frame of 64 bytes, and runs until the listener has received and read it. Returns the instant of the frame's
+/// end.
 fn ask(pair: &mut Pair) -> u64 {
     pair.load(&payload(64, 1));
     pair.fire();
@@ -62,7 +63,7 @@ fn load_answer(pair: &mut Pair, payload: &[u8]) {
     pair.spi(Side::Listener, &[&[0x80], payload].concat());
 }
 
-/// Makes a listener without scatter answer, with the answer's first bit `after_ns` after the frame's end.
+/// Makes a listener answer so that the answer's first bit comes exactly `after_ns` after the frame's end.
 fn answer(pair: &mut Pair, end_ns: u64, after_ns: u64, payload: &[u8]) {
     load_answer(pair, payload);
     let latency = pair.listener.config().transmit_latency_ns;
@@ -124,7 +125,7 @@ fn an_answer_begins_after_its_command_and_takes_its_air_time() {
     assert_eq!(pair.irqs(Side::Listener), [0x08, 0, 0, 0]);
     assert!(pair.wait_irq(Side::Poller, 1_000_000));
     assert_eq!(pair.irqs(Side::Poller), [0x10, 0, 0, 0]);
-    // The chip has added LEN and CRC-16.
+    // The FIFO has 131 bytes, because the chip has added LEN and CRC-16 to the payload.
     let heard = pair.read_fifo(Side::Poller, 131);
     assert_eq!((heard[0], &heard[1..129]), (129, &payload(128, 2)[..]));
 }
@@ -134,7 +135,7 @@ fn an_answer_stops_the_no_response_timer() {
     let mut pair = exact_pair();
     let end = ask(&mut pair);
     assert!(pair.wait_irq(Side::Poller, 5_000_000));
-    // The no-response timer takes 669 * 64 cycles of 13.56 MHz.
+    // The no-response timer is set to 669 * 64 cycles of 13.56 MHz.
     assert_eq!(pair.now - end, 3_157_522 + pair.poller.config().no_response_extra_ns);
     assert_eq!(pair.irqs(Side::Poller), [0, NRE, 0, 0]);
     pair.arm();
@@ -146,7 +147,7 @@ fn an_answer_stops_the_no_response_timer() {
 
 #[test]
 fn an_answer_that_begins_under_the_mask_timer_is_not_received() {
-    // The mask-receive timer takes 188.8 µs. It must have expired when the answer's sync begins, 113.3 µs into the
+    // The mask-receive timer takes 188.8 µs. It must end before the answer's sync, which begins 113.3 µs into the
     // answer.
     for (after, heard) in [(50_000, false), (120_000, true), (GUARD_NS - 2_000, true), (GUARD_NS + 2_000, true)] {
         let mut pair = exact_pair();
@@ -172,7 +173,7 @@ fn an_answer_that_begins_under_the_mask_timer_is_not_received() {
 
 #[test]
 fn a_listener_without_load_modulation_stays_mute() {
-    // The listener of the HORUS link has these settings: its driver has the same resistance at all times, so it does
+    // The listener of the HORUS link is set up like this: its driver has the same resistance at all times, so it does
     // not modulate.
     let mut pair = exact_pair();
     pair.spi(Side::Listener, &[0x29, 0xFF]);
@@ -210,13 +211,13 @@ fn settings_that_cannot_answer_are_found_and_not_heard() {
     let cases: [(Variant, &[u8], Written); 9] = [
         (a, &[0x29, 0x55], (Space::A, 0x29, 0x55)),
         (a, &[0x29, 0xF5], (Space::A, 0x29, 0xF5)),
-        // The write selects an external modulator, which the board does not have.
+        // The write to B28 selects an external modulator, which the board does not have.
         (a, &[0xFB, 0x28, 0x20], (Space::B, 0x28, 0x20)),
         (b, &[0x29, 0xEE], (Space::A, 0x29, 0xEE)),
         (b, &[0xFB, 0x28, 0xA0], (Space::B, 0x28, 0xA0)),
-        // The write selects regulator-shaped modulation, which is not allowed in card mode.
+        // The write to B28 selects regulator-shaped modulation, which is not allowed in card mode.
         (b, &[0xFB, 0x28, 0x94], (Space::B, 0x28, 0x94)),
-        // The next two writes lead to undocumented combinations of dis_reg_am and act_amsink.
+        // The writes of B28 and of 01 lead to undocumented combinations of dis_reg_am and act_amsink.
         (b, &[0xFB, 0x28, 0x10], (Space::B, 0x28, 0x10)),
         (b, &[0x01, 0x3D], (Space::B, 0x28, 0x90)),
         (b, &[0xFB, 0x2E, 0x01], (Space::B, 0x2E, 0x01)),
@@ -247,7 +248,8 @@ fn an_antenna_out_of_tune_does_not_answer() {
 
 #[test]
 fn a_poller_that_does_not_listen_hears_no_answer() {
-    // The writes switch the poller's receiver off, mask it, set another bit rate, and set its receive chain for NFC-A.
+    // Each write keeps the poller from receiving: receiver off, receiver masked, another bit rate, and a receive chain
+    // for NFC-A.
     for write in [&[0x02u8, 0x88][..], &[0xD0], &[0x04, 0x21], &[0x0B, 0x08]] {
         let mut pair = answering(Config { unsuited_chain_receives: false, ..exact() }, exact());
         let end = ask(&mut pair);
@@ -283,7 +285,7 @@ fn an_answer_without_a_field_or_without_a_frame_is_found() {
     answer(&mut pair, end, 700_000, &payload(4, 1));
     pair.run_for(1_000_000);
     assert_eq!(found(&pair, Side::Listener, Kind::AnswerUnasked), 1);
-    // The listener answers the same frame again.
+    // The listener sends a second answer to one frame.
     load_answer(&mut pair, &payload(4, 1));
     pair.spi(Side::Listener, &[0xC4]);
     pair.run_for(1_000_000);
@@ -339,7 +341,7 @@ fn the_switches_decide_whether_transmission_and_unmasking_change_the_receiver() 
     }
 }
 
-/// The path of answers without chips, and the events that the poller received.
+/// The path of answers without chips, with a record of the events that the poller received.
 struct Back {
     path: AnswerPath,
     heard: Vec<(u64, AirEvent)>,
@@ -370,7 +372,7 @@ impl Back {
         self.path.advance(to, |at, event| heard.push((at, event.clone())));
     }
 
-    /// Sends an answer with 8 bytes of payload from the listener at `at`. Returns the instant of its end.
+    /// Sends an answer with 8 bytes of payload from the listener at `at`. Returns the instant of the answer's end.
     fn answer(&mut self, at: u64) -> u64 {
         let bytes = common::antenna::frame(8, 3);
         let mut start = common::antenna::start(st25r3916_model::Technology::NfcF, &bytes);
@@ -382,7 +384,7 @@ impl Back {
         end
     }
 
-    /// Returns the starts of the frames that the poller received, and the number of data bits of each.
+    /// Returns the frames that the poller received: the start of each, and the number of data bits of each.
     fn frames(&self) -> (Vec<u64>, Vec<u32>) {
         let starts = self.heard.iter().filter(|(_, event)| matches!(event, AirEvent::FrameStart(_))).map(|(at, _)| *at);
         let ends = self.heard.iter().filter_map(|(_, event)| match event {
@@ -449,7 +451,7 @@ fn a_foreign_card_answers_a_frame_with_one_of_its_own() {
 
 #[test]
 fn answers_that_meet_are_both_lost_or_broken_off() {
-    // First the foreign card begins before the listener, then the listener before the card.
+    // The foreign card begins before the listener in the first case, and after the listener in the second.
     let mut back = Back::new(foreign_at(400_000));
     back.poller(0, &AirEvent::FrameEnd { bits: 8 });
     back.answer(400_000 + bits_ns_424(64 + 16));
@@ -463,7 +465,7 @@ fn answers_that_meet_are_both_lost_or_broken_off() {
     back.run_to(5_000_000);
     assert_eq!(back.frames(), (vec![400_000], vec![24]));
     assert_eq!((back.path.collisions(), back.path.foreign_answers()), (1, 1));
-    // The poller receives an answer after the collision.
+    // An answer after the collision reaches the poller.
     back.answer(6_000_000);
     assert_eq!(back.frames(), (vec![400_000, 6_000_000], vec![24, 88]));
 }
@@ -476,6 +478,6 @@ fn a_foreign_card_has_one_answer_at_a_time() {
     back.run_to(600_000);
     back.poller(600_000, &AirEvent::FrameEnd { bits: 8 });
     back.run_to(5_000_000);
-    // The poller's second frame came before the card answered the first, so the card answered only the second.
+    // The poller sent a second frame before the card answered the first, so the card answered only the second.
     assert_eq!(back.frames(), (vec![500_000, 1_000_000], vec![88, 88]));
 }

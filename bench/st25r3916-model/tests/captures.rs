@@ -5,8 +5,10 @@
 //! the checkout or beside a folder that contains it. Without them the tests report "not run", or fail if `CI` is set.
 //!
 //! Before a replay the chip is set up over SPI as the recorded firmware had set it up. A model of the tag answers with
-//! the recorded bytes at instants derived from the recorded edges of I_rxs. These edges are therefore checked only for
-//! order and level; a separate check compares them with the frame delay time of ISO 14443-3.
+//! the recorded bytes, at instants derived from the recorded edges of I_rxs.
+//!
+//! The instants of the answers come from the recorded edges of I_rxs, so a replay checks these edges only for order and
+//! level. A separate check compares them with the frame delay time of ISO 14443-3.
 
 use std::path::Path;
 
@@ -14,7 +16,7 @@ use st25r3916_model::{
     AirEvent, BrokenFrame, Chip, Chunk, Config, FrameStart, IrqEdge, Kind, Space, Technology, Variant,
 };
 
-/// The virtual time at which a recording begins, ns. The chip is set up before.
+/// The virtual time at which a recording begins, ns. Before that instant the chip is set up.
 const BEGIN_NS: u64 = 60_000_000;
 const SPI_HZ: u32 = 10_500_000;
 /// The time from the first rising clock edge of an SPI byte to the end of its eighth clock at 10.5 MHz, ns.
@@ -53,7 +55,7 @@ fn capture(name: &str) -> Option<Vec<Line>> {
     };
     let hex = |s: &str| -> Vec<u8> { s.split_whitespace().map(|b| u8::from_str_radix(b, 16).expect("hex")).collect() };
     let mut lines = Vec::new();
-    // The first two lines name the channels.
+    // The first two lines of a recording name its channels.
     for line in text.lines().skip(2).filter(|l| !l.trim().is_empty()) {
         let (time, rest) = line.trim().split_once(' ').expect("an instant and what happened");
         let (us, tenths) = time.split_once('.').expect("microseconds with a tenth");
@@ -79,7 +81,7 @@ fn board() -> Chip {
         regulator_display: 0xE0,
         driver_timing_display: 0x04,
         broken_frame: BrokenFrame::EndsWithError,
-        // Each frame starts at the mean instant; the test's tolerance covers the scatter of the recorded frames.
+        // Frames start at the mean instant without scatter; the tolerance of the test covers the recorded scatter.
         transmit_scatter_ns: 0,
         ..Config::default()
     });
@@ -87,10 +89,10 @@ fn board() -> Chip {
     chip
 }
 
-/// Returns the instants at which a transfer's bytes end, ns after the fall of chip select, from the same recordings at
-/// a resolution of 2 ns (hydrabus/st25r3916_decoder_dumps_sigrok). The first byte starts later for transfers that take
-/// the controller longer to prepare. The second starts 1.5 µs after the first, and each further byte 1.88 µs after the
-/// one before.
+/// Returns the instants at which a transfer's bytes end, ns after the fall of chip select. They come from the same
+/// recordings at a resolution of 2 ns (hydrabus/st25r3916_decoder_dumps_sigrok). The first byte starts later if the
+/// controller takes longer to prepare the transfer. The second starts 1.5 µs after the first, and each further byte
+/// 1.88 µs after the one before.
 fn byte_ends(mosi: &[u8]) -> impl Iterator<Item = u64> {
     let first = match mosi {
         [_] => 2_040,
@@ -105,12 +107,12 @@ fn byte_ends(mosi: &[u8]) -> impl Iterator<Item = u64> {
 fn exchange(chip: &mut Chip, at: u64, mosi: &[u8]) -> Vec<u8> {
     chip.select(at);
     let miso = mosi.iter().zip(byte_ends(mosi)).map(|(&b, end)| chip.transfer(at + end, b)).collect();
-    // The recorded controller raises chip select at least 1.8 µs after the last clock edge.
+    // In the recordings chip select rises at least 1.8 µs after the last clock edge.
     chip.deselect(at + byte_ends(mosi).last().unwrap_or(0) + 1_800);
     miso
 }
 
-/// Repeats what the recorded firmware did before its first scan for a tag.
+/// Sets the chip up as the recorded firmware did before its first scan for a tag.
 fn bring_up(chip: &mut Chip, writes: &[&[u8]]) {
     let mut now = 1_000_000;
     let mut run = |bytes: &[u8], then: u64| {
@@ -127,7 +129,7 @@ fn bring_up(chip: &mut Chip, writes: &[&[u8]]) {
     run(&[0xDF], 100_000);
     run(&[0xD6], 4_000_000);
     run(&[0x5A, 0, 0, 0, 0], 0);
-    // The general purpose timer runs out after 20 ms. Its interrupt is masked, so its bit stays set.
+    // The general purpose timer ends after 20 ms. Its interrupt is masked, so the interrupt bit stays set.
     run(&[0x13, 0x84, 0x6C], 0);
     run(&[0xE0], 21_000_000);
     run(&[0x02, 0x83], 0);
@@ -141,7 +143,7 @@ fn bring_up(chip: &mut Chip, writes: &[&[u8]]) {
 fn every_register_of_both_spaces_reads_as_on_silicon() {
     let Some(lines) = capture("Read_All_Registers_SpaceA_B.txt") else { return };
     let mut chip = board();
-    // The remaining writes of the recorded firmware's start.
+    // The recorded firmware also made these writes at its start.
     bring_up(
         &mut chip,
         &[&[0x08, 0x50], &[0x26, 0x49, 0x45], &[0x29, 0x5F, 0x11, 0x00], &[0xFB, 0x05, 0x40], &[0x5A, 0, 0, 0, 0]],
@@ -171,15 +173,15 @@ impl Tag {
         for line in lines {
             match line {
                 Line::Irq { at, level: true } => rose = *at,
-                // I_rxs alone is set, so an answer has begun.
+                // Only I_rxs is set, which means that an answer has begun.
                 Line::Transfer { mosi, miso, .. } if mosi[0] == 0x5A && miso[1] == 0x20 => {
                     answers.push((rose, Vec::new()));
                 }
                 Line::Transfer { mosi, miso, .. } if mosi[0] == 0x9F => {
                     let (_, data) = answers.last_mut().expect("data after a start");
                     data.extend_from_slice(&miso[1..]);
-                    // The firmware read only the first of the SAK's three bytes, so the standard's two bytes of CRC_A
-                    // are added.
+                    // The recorded firmware read only the first of the SAK's three bytes. The two bytes of CRC_A follow
+                    // from the standard.
                     if data.len() == 1 {
                         let crc = crc_a(data);
                         data.extend_from_slice(&crc);
@@ -192,7 +194,7 @@ impl Tag {
         Self { answers, to_rxs: bit + config.nfc_a_start_latency_ns }
     }
 
-    /// Passes all answers of the tag to the chip in advance.
+    /// Gives all answers of the tag to the chip beforehand, each with its own instant.
     fn speak(&self, chip: &mut Chip) {
         for (rxs, data) in &self.answers {
             let start = rxs - self.to_rxs;
@@ -263,7 +265,7 @@ fn the_model_reads_a_tag_exactly_as_the_recorded_chip_did() {
         lines.iter().filter_map(|l| if let Line::Irq { at, level } = l { Some((*at, *level)) } else { None }).collect();
     assert_eq!(edges.len(), recorded.len(), "edges {edges:?}");
     assert_eq!(recorded.iter().filter(|(_, level)| !level).count(), 22);
-    // The recorded chip started each frame at a random instant within the scatter, which also moves I_txe and I_nre.
+    // The recorded chip started each frame at a random instant within the scatter. I_txe and I_nre move with it.
     let scatter = Config::default().transmit_scatter_ns / 2;
     let mut starts: Vec<i64> = Vec::new();
     for (edge, (was, level)) in edges.iter().zip(&recorded) {
@@ -293,11 +295,11 @@ fn the_model_reads_a_tag_exactly_as_the_recorded_chip_did() {
         assert!(late.unsigned_abs() <= EDGE_TOLERANCE_NS, "edge at {}, recorded at {was}: {late} ns", edge.at_ns);
     }
     assert_eq!(starts.len(), 7);
-    // The recorded frames use most of the model's scatter, so the scatter is not wider than necessary.
+    // The scatter of the recorded frames is nearly as wide as the model's, so the model's is not too wide.
     let used = starts.iter().max().expect("frames") - starts.iter().min().expect("frames");
     assert!(used > scatter as i64 && used <= 2 * (scatter + EDGE_TOLERANCE_NS) as i64, "{starts:?}");
 
-    // The sent frames are those of ISO 14443-3, with the CRC that the chip adds.
+    // The recorded firmware sent frames of ISO 14443-3, and the chip added the CRC.
     let frames: Vec<&Vec<u8>> = sent
         .iter()
         .filter_map(|(_, e)| if let AirEvent::FrameStart(f) = e { Some(&f.chunk.data) } else { None })
@@ -321,10 +323,11 @@ fn the_model_reads_a_tag_exactly_as_the_recorded_chip_did() {
     }
     assert_eq!(sent.first().map(|(_, e)| e), Some(&AirEvent::FieldOn));
     assert_eq!(sent.last().map(|(_, e)| e), Some(&AirEvent::FieldOff));
-    // Settings of supply range, antenna tuning and receive chain that work on silicon must cause no finding.
+    // The recorded settings of supply range, antenna tuning and receive chain work on silicon, so they must cause no
+    // finding.
     let kinds: Vec<Kind> = chip.reports().iter().map(|r| r.kind).collect();
-    // The recorded controller clocks faster than the data sheet allows, and sets antcl and a register for EMD
-    // suppression, which are not modelled.
+    // These findings are right: the recorded controller clocks faster than the data sheet allows, and sets antcl and a
+    // register for EMD suppression, which are not modelled.
     let expected = |k: &Kind| {
         matches!(
             k,
@@ -338,7 +341,7 @@ fn the_model_reads_a_tag_exactly_as_the_recorded_chip_did() {
     assert_eq!(chip.statistics().received, 6);
     assert_eq!(chip.statistics().crc_errors, 0);
 
-    // By ISO 14443-3 an answer starts 1172 carrier cycles (86.4 µs) plus the pause after the frame's last bit. I_txe
+    // By ISO 14443-3 an answer starts 1172 carrier cycles (86.4 µs), plus the pause, after the frame's last bit. I_txe
     // comes two bits after that bit.
     let delays: Vec<u64> = sent
         .iter()

@@ -84,7 +84,7 @@ fn a_frame_is_read_while_it_arrives() {
         most = most.max(n);
         data.extend(pair.read_fifo(Side::Listener, n));
     }
-    // At 424 kbit/s, 53 bytes arrive in a millisecond.
+    // In a millisecond 53 bytes arrive at 424 kbit/s.
     assert!((10..=14).contains(&most), "{most} bytes in 200 us");
     assert_eq!(data[1..245], sent);
     assert_eq!(pair.irqs(Side::Listener), [0x10, 0, 0, 0]);
@@ -147,8 +147,8 @@ fn the_water_level_of_a_long_frame_sets_its_masked_interrupt() {
     pair.load(&payload(244, 5));
     pair.fire();
     let start = pair.now + pair.poller.config().transmit_latency_ns;
-    // Fewer than 200 bytes are in the FIFO once byte 45 of the payload has left it, 64 + 8 + 44 * 8 bits into the
-    // frame.
+    // I_wl comes when fewer than 200 bytes are in the FIFO: once byte 45 of the payload has left it, 64 + 8 + 44 * 8
+    // bits into the frame.
     pair.run_to(start + (72 + 44 * 8) * 2_360 - 4_000);
     assert_eq!(pair.irqs(Side::Poller)[0], 0);
     pair.run_for(4_000);
@@ -163,7 +163,7 @@ fn an_unarmed_listener_hears_nothing_until_unmasked() {
     pair.load(&payload(20, 1));
     pair.fire();
     receive(&mut pair);
-    // The listener is not armed again (D1).
+    // The next frame comes to a listener that was not armed again (D1).
     pair.load(&payload(20, 2));
     pair.fire();
     pair.run_for(3_000_000);
@@ -183,7 +183,7 @@ fn an_unarmed_listener_hears_nothing_until_unmasked() {
 
 #[test]
 fn a_sync_already_under_way_is_not_joined() {
-    // The sync is bits 48 to 63 of the frame. A listener must be armed before it to receive the frame.
+    // Bits 48 to 63 of a frame are its sync. A listener must be armed before the sync to receive the frame.
     for (bits_into, heard) in [(40, true), (50, false), (62, false)] {
         let mut pair = Pair::started(exact(), exact(), clean());
         pair.spi(Side::Listener, &[0xD0]);
@@ -380,7 +380,7 @@ fn bit_rate_detection_finds_424_and_a_fixed_rate_ignores_another() {
     pair.run_for(1_000_000);
     assert_eq!(pair.irqs(Side::Listener), [0x30, 0x01, 0, 0]);
     assert_eq!(pair.spi(Side::Listener, &[0x64, 0])[1] & 0x30, 0x20);
-    // At a fixed rate of 212 kbit/s the listener does not receive a frame at 424 kbit/s.
+    // A listener at a fixed rate of 212 kbit/s does not receive a frame at 424 kbit/s.
     pair.spi(Side::Listener, &[0x03, 0xA0, 0x11]);
     pair.arm();
     pair.load(&payload(20, 2));
@@ -405,7 +405,7 @@ fn initial_field_on_waits_for_silence_and_yields_to_a_foreign_field() {
     pair.spi(Side::Poller, &[0xC8]);
     let fired = pair.now;
     assert!(pair.wait_irq(Side::Poller, 1_000_000));
-    // The chip listens for 4096 carrier cycles before it switches its field on; I_apon follows.
+    // The poller listens for 4096 carrier cycles before it switches its field on. I_apon follows.
     assert_eq!(pair.now - fired, 302_065 + pair.poller.config().field_on_latency_ns);
     assert_eq!(pair.irqs(Side::Poller), [0, 0, 0, 0x20]);
     assert!(pair.wait_irq(Side::Poller, 1_000_000));
@@ -427,7 +427,7 @@ fn lock_step_with_a_microsecond_of_skew_changes_nothing() {
     pair.poller.select(now);
     pair.poller.transfer(now + 1_000, 0xC4);
     pair.poller.deselect(now + 1_000);
-    // The listener runs a microsecond ahead of the poller.
+    // The listener is advanced a microsecond ahead of the poller.
     while now < base + 8_000_000 {
         now += 1_000;
         pair.listener.advance(now + 1_000);
@@ -460,7 +460,7 @@ fn withheld_interrupts_are_not_raised_although_the_frame_arrives() {
     {
         pair.listener.withhold(withheld);
         pair.poller.withhold(withheld);
-        // The frame's bytes are in the FIFO although the interrupts are withheld.
+        // Prevented interrupts do not keep the frame's bytes from the FIFO.
         assert_eq!(frame(&mut pair), (seen, 23), "{withheld:?}");
     }
 }

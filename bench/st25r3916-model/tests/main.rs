@@ -1,4 +1,4 @@
-//! The tests of the front end's model in one binary: each file is a module of it.
+//! Runs all tests of the front end's model in one binary: each file is a module of it.
 
 mod air;
 mod air_chips;

@@ -128,7 +128,7 @@ fn an_interrupt_set_behind_a_mask_raises_the_pin_when_unmasked() {
     assert!(chip.irq());
     assert_eq!(exchange(&mut chip, 800_000, &[0x5A, 0]), [0, 0x80]);
     assert!(!chip.irq());
-    // An interrupt bit that is set after the register's value was taken must survive the read.
+    // If an interrupt bit is set after the register's value was latched, the read must not clear it.
     exchange(&mut chip, 800_000, &[0x02, 0x00]);
     exchange(&mut chip, 800_000, &[0x02, 0x80]);
     chip.select(1_499_000);
@@ -171,7 +171,7 @@ fn no_response_and_wake_up_timers_run_as_set() {
     pair.fire();
     assert!(pair.wait_irq(Side::Poller, 5_000_000));
     let end = pair.air.last_frame().expect("sent").end_ns;
-    // The no-response timer is set to 100 steps of 64 carrier cycles.
+    // The write sets the no-response timer to 100 steps of 64 carrier cycles.
     assert_eq!(pair.now - end, 471_976 + pair.poller.config().no_response_extra_ns);
     assert_eq!(pair.irqs(Side::Poller)[1], 0x40);
     pair.spi(Side::Poller, &[0x32, 0x88]);
@@ -183,8 +183,8 @@ fn no_response_and_wake_up_timers_run_as_set() {
 
 #[test]
 fn clearing_the_fifo_in_mid_frame_never_lets_the_frame_arrive_whole() {
-    // The FIFO is cleared at different bytes of the frame, and loaded again or not. The rest of the frame is never
-    // sent.
+    // The FIFO is cleared at different bytes of the frame, and in one case loaded again. In each case the rest of the
+    // frame is never sent.
     for (at_ns, reload) in [(200_000, false), (1_000_000, false), (1_000_000, true), (4_500_000, false)] {
         let mut pair = Pair::started(exact(), exact(), clean());
         pair.load(&payload(244, 1));
@@ -198,14 +198,15 @@ fn clearing_the_fifo_in_mid_frame_never_lets_the_frame_arrive_whole() {
             pair.spi(Side::Poller, &load);
         }
         pair.run_for(6_000_000);
-        // The bytes loaded after the clear were not sent.
+        // The FIFO still holds the bytes that were loaded after it had been cleared.
         assert_eq!(pair.fifo(Side::Poller).0, if reload { 244 } else { 0 });
         assert_eq!(found(&pair.poller, Kind::TransmitUnderflow), 1);
         assert_eq!(pair.fifo(Side::Poller).1 & 0x20, 0x20, "fifo_unf");
         let irqs = pair.irqs(Side::Listener);
         assert_eq!((irqs[0] & 0x10, irqs[2] & 0x90), (0x10, 0x90), "I_rxe with I_crc and I_err1");
         let (n, _) = pair.fifo(Side::Listener);
-        // A byte takes 8 bits of 32 carrier cycles, and 64 bits precede the first byte, LEN.
+        // The number of bytes sent follows from the instant of the clear: a byte takes 8 bits of 32 carrier cycles, and
+        // 64 bits precede LEN.
         let begun = (at_ns as f64 / 1e3 - 3.65 + 1.0 - 151.0) / 18.879;
         assert!((n as f64 - begun).abs() <= 2.0, "{n} bytes, {begun:.1} had begun");
         assert_eq!(pair.read_fifo(Side::Listener, n)[1..], payload(244, 1)[..n - 1]);
@@ -230,7 +231,7 @@ fn a_frame_loaded_in_parts_and_then_cleared_counts_as_damaged() {
     let mut load = vec![0x80];
     load.extend_from_slice(&payload(244, 1)[16..]);
     pair.spi(Side::Poller, &load);
-    // Only the first 16 bytes were given to the air, and about 40 bytes have been sent when the FIFO is cleared.
+    // The air was given only the first 16 bytes. About 40 bytes have been sent when the FIFO is cleared.
     pair.run_for(650_000);
     pair.spi(Side::Poller, &[0xDB]);
     pair.run_for(6_000_000);
@@ -256,7 +257,7 @@ fn a_fifo_cleared_in_time_sends_the_bytes_loaded_after_it() {
     let mut pair = Pair::started(exact(), exact(), clean());
     pair.load(&payload(40, 1));
     pair.fire();
-    // The frame's first bit is still due, so the air has received no byte.
+    // The FIFO is cleared before the frame's first bit is due, so the air has been given no byte.
     let now = pair.now;
     pair.poller.select(now);
     pair.poller.transfer(now + 1_000, 0xDB);
@@ -276,7 +277,7 @@ fn clearing_the_fifo_when_its_last_byte_has_left_harms_nothing() {
     let mut pair = Pair::started(exact(), exact(), clean());
     pair.load(&payload(20, 1));
     pair.fire();
-    // The CRC is on the air after 64 bits of preamble and sync, LEN and 20 bytes.
+    // The FIFO is cleared while the CRC is on the air, after 64 bits of preamble and sync, LEN and 20 bytes.
     pair.run_for(3_650 + (64 + 21 * 8 + 4) * 2_360);
     assert!(pair.poller.is_transmitting());
     pair.spi(Side::Poller, &[0xDB]);
@@ -301,7 +302,7 @@ fn the_water_level_comes_again_each_time_a_reception_reaches_it() {
         let (n, _) = pair.fifo(Side::Poller);
         assert!((300..=301).contains(&n), "{n} bytes at I_wl");
         levels += 1;
-        // The FIFO falls to 50 bytes, so 250 more must arrive before the next I_wl.
+        // After the read 50 bytes are left in the FIFO, so I_wl comes again when 250 more have arrived.
         data.extend(pair.read_fifo(Side::Poller, 250));
     }
     assert_eq!(levels, 4, "at 300, 550, 800 and 1050 bytes");
@@ -327,10 +328,10 @@ fn the_water_level_comes_again_after_the_fifo_was_cleared() {
 #[test]
 fn a_mode_or_rate_that_is_not_modelled_is_reported() {
     for (writes, kind) in [
-        // The modes are an NFC-A target with its anticollision, and active communication.
+        // Mode 88 is an NFC-A target with its anticollision, and mode B8 is active communication.
         (&[&[0x03u8, 0x88, 0x22][..]], Kind::UnmodelledMode(0x88)),
         (&[&[0x03, 0xB8, 0x22]], Kind::UnmodelledMode(0xB8)),
-        // A target has no NFC-F reception at 106 kbit/s.
+        // The bit rate 20 is 106 kbit/s, at which a target does not receive NFC-F.
         (&[&[0x03, 0xA0, 0x20]], Kind::UnmodelledBitRate(0x20)),
     ] {
         let mut pair = Pair::started(exact(), exact(), clean());
@@ -346,7 +347,7 @@ fn a_mode_or_rate_that_is_not_modelled_is_reported() {
         assert_eq!(pair.listener.statistics().missed, 1);
     }
     for (mode, rate, kind) in [
-        // The settings are NFC-B, and NFC-A at 212 kbit/s.
+        // Mode 10 is NFC-B. Mode 08 with rate 01 is NFC-A at 212 kbit/s.
         (0x10, 0x00, Kind::UnmodelledMode(0x10)),
         (0x08, 0x01, Kind::UnmodelledBitRate(0x01)),
     ] {
@@ -354,7 +355,7 @@ fn a_mode_or_rate_that_is_not_modelled_is_reported() {
         pair.spi(Side::Poller, &[0x03, mode, rate]);
         nfc_a_answer(&mut pair, &[1, 2, 3]);
         assert_eq!(found(&pair.poller, kind), 1);
-        // A chip with its receiver off has no finding.
+        // A poller whose receiver is off reports nothing when an answer arrives.
         pair.spi(Side::Poller, &[0x02, 0x88]);
         nfc_a_answer(&mut pair, &[1, 2, 3]);
         assert_eq!(found(&pair.poller, kind), 1);
@@ -390,8 +391,7 @@ fn bits_that_are_kept_without_effect_are_reported_and_others_are_not() {
 
 #[test]
 fn collision_avoidance_sees_a_field_at_any_instant_of_its_window() {
-    // In these two cases a foreign field appears and disappears within the window of 302 µs. In the next case the
-    // foreign field is present at the start.
+    // Collision avoidance listens for 302 µs. A foreign field appears and disappears within that time.
     for (on, off) in [(100_000, 150_000), (250_000, 290_000)] {
         let mut pair = Pair::new(exact(), exact(), clean());
         pair.start(Side::Listener);
@@ -438,7 +438,7 @@ fn only_a_request_for_its_own_system_code_is_answered() {
         pair.fire();
         pair.run_for(6_000_000);
         assert_eq!(pair.air.counters().answers, u64::from(answered), "{asked:02X?}");
-        // A request that is not answered is received like any other frame.
+        // A request that the listener does not answer is received like any other frame.
         let expected = if answered { [0x28, 0, 0, 0x18] } else { [0x30, 0, 0, 0] };
         assert_eq!(pair.irqs(Side::Listener), expected);
     }
@@ -449,7 +449,7 @@ fn mode_and_rate_changed_in_mid_frame_are_found_on_either_side() {
     for (write, register, lost) in [
         (&[0x03u8, 0xA4][..], 0x03, true),
         (&[0x04, 0x21], 0x04, true),
-        // The write changes only the bit rate of transmission.
+        // A write of 12 to register 04 changes the bit rate of transmission only.
         (&[0x04, 0x12], 0x04, false),
     ] {
         let mut pair = Pair::started(exact(), exact(), clean());
@@ -461,7 +461,7 @@ fn mode_and_rate_changed_in_mid_frame_are_found_on_either_side() {
         assert_eq!(found(&pair.listener, Kind::ChangedInFrame(register)), 1);
         assert_eq!(pair.irqs(Side::Listener)[0] & 0x10 == 0, lost, "{write:02X?}");
     }
-    // A frame that is being sent continues unchanged.
+    // A change of the mode or of the rate leaves a frame unchanged that is being sent.
     for write in [[0x03, 0x08], [0x04, 0x11]] {
         let mut pair = Pair::started(exact(), exact(), clean());
         pair.load(&payload(200, 1));
@@ -472,7 +472,7 @@ fn mode_and_rate_changed_in_mid_frame_are_found_on_either_side() {
         assert_eq!(found(&pair.poller, Kind::ChangedInFrame(write[0])), 1);
         assert_eq!(pair.irqs(Side::Listener), [0x30, 0, 0, 0]);
     }
-    // A write of the present value is no finding, nor is a change between frames.
+    // A write of the value that a register has is no finding. A change between two frames is none either.
     let mut pair = Pair::started(exact(), exact(), clean());
     pair.load(&payload(200, 1));
     pair.fire();
@@ -545,7 +545,7 @@ proptest! {
             let make = if started { Pair::started } else { Pair::new };
             let mut pair = make(config.clone(), config.clone(), air);
             let mut heard = Vec::new();
-            // The start of the chips has left edges of the IRQ pins.
+            // The chips' start has left edges of the IRQ pins, which are discarded.
             let mut pins = [Side::Poller, Side::Listener].map(|side| {
                 let chip = pair.chip(side);
                 chip.take_irq_edges().for_each(drop);

@@ -66,8 +66,8 @@ fn a_supply_that_a_measurement_may_read_as_either_range_suits_both() {
 
 #[test]
 fn supply_and_tuning_are_looked_at_whatever_puts_the_part_to_work() {
-    // First the field goes on with the oscillator. Then the receiver is switched on, although the regulators were not
-    // adjusted.
+    // In the first case the field and the oscillator go on together. In the second the receiver goes on without an
+    // adjustment of the regulators.
     for operation in [[0x88, 0x88], [0x80, 0xC0]] {
         let mut pair = Pair::new(Config::default(), Config::default(), clean());
         pair.spi(Side::Poller, &[0x01, 0x9C]);
@@ -88,7 +88,8 @@ fn supply_and_tuning_are_looked_at_whatever_puts_the_part_to_work() {
 fn the_measured_supply_is_the_one_that_is_selected() {
     let mut pair = Pair::new(Config::default(), Config::default(), clean());
     pair.start(Side::Poller);
-    // The supplies are VDD, VDD_A, VDD_D, VDD_RF, VDD_AM, and one that does not exist.
+    // The cases are the supplies VDD, VDD_A, VDD_D, VDD_RF and VDD_AM with their measured steps, and a code without a
+    // supply.
     for (mpsv, steps) in [(0, 213), (1, 128), (2, 128), (3, 128), (4, 115), (5, 0)] {
         pair.spi(Side::Poller, &[0x2C, mpsv]);
         pair.spi(Side::Poller, &[0xDF]);
@@ -113,7 +114,7 @@ fn antenna_tuning_without_aat_en_is_found_when_the_antenna_is_used() {
         (0x1C, 0x00, true, true),
         (0x1C, 0x00, false, false),
         (0x3C, 0x00, true, false),
-        // The tuning registers have their reset value, for which aat_en is not needed.
+        // With their reset value the tuning registers do not need aat_en.
         (0x1C, 0x80, true, false),
     ] {
         let mut pair = Pair::new(Config::default(), Config::default(), clean());
@@ -136,13 +137,13 @@ fn antenna_tuning_without_aat_en_is_found_when_the_antenna_is_used() {
             );
         }
     }
-    // The antenna may also be tuned after the chip has begun to listen.
+    // The finding also comes if the antenna is tuned after the chip has begun to listen.
     let mut pair = Pair::started(Config::default(), Config::default(), clean());
     pair.spi(Side::Listener, &[0x01, 0x1C]);
     assert_eq!(found(&pair.listener, Kind::AntennaTuningOff), 0);
     pair.spi(Side::Listener, &[0x27, 0xFF]);
     assert_eq!(found(&pair.listener, Kind::AntennaTuningOff), 1);
-    // This chip becomes a target after its antenna was tuned.
+    // The finding also comes if the antenna is tuned before the chip becomes a target.
     let mut pair = Pair::new(Config::default(), Config::default(), clean());
     pair.start(Side::Listener);
     pair.spi(Side::Listener, &[0x01, 0x1C]);
@@ -200,13 +201,13 @@ fn a_listener_with_the_receive_chain_of_a_reset_is_reported() {
 fn each_setting_that_a_public_driver_receives_nfc_f_with_is_accepted() {
     let strict = Config { unsuited_chain_receives: false, ..Config::default() };
     let settings: [&[&[u8]]; 5] = [
-        // Flipper Zero's settings for a listener and for a poller.
+        // These are Flipper Zero's settings for a listener and for a poller.
         &[&[0x0B, 0x13, 0x2D, 0x00, 0x00], &[0xFB, 0x0C, 0x54, 0x00]],
         &[&[0x0B, 0x13], &[0xFB, 0x0C, 0x58, 0x00]],
-        // ST's settings for a poller, on an ST25R3916 and on an ST25R3916B.
+        // These are ST's settings for a poller, on an ST25R3916 and on an ST25R3916B.
         &[&[0x0B, 0x13, 0x3D, 0x00, 0x00], &[0xFB, 0x0C, 0x54, 0x00]],
         &[&[0x0B, 0x13, 0xFD, 0x00, 0x00], &[0xFB, 0x0C, 0x54, 0x00]],
-        // A listener's settings of filter and mixer.
+        // The filter and mixer have settings for a listener.
         &[&[0x0B, 0x01, 0x6D]],
     ];
     for writes in settings {
@@ -217,12 +218,13 @@ fn each_setting_that_a_public_driver_receives_nfc_f_with_is_accepted() {
 #[test]
 fn each_register_of_the_receive_chain_is_looked_at() {
     let cases: [(&[u8], Finding); 8] = [
-        // A high-pass zero at 600 kHz, zeros at 60 and 400 kHz, a low-pass of 300 kHz, and a code that does not exist.
+        // These settings are unsuitable: a high-pass zero at 600 kHz, zeros at 60 and 400 kHz, a low-pass of 300 kHz,
+        // and a code that does not exist.
         (&[0x0B, 0x18], (Space::A, 0x0B, 0x18)),
         (&[0x0B, 0x10], (Space::A, 0x0B, 0x10)),
         (&[0x0B, 0x23], (Space::A, 0x0B, 0x23)),
         (&[0x0B, 0x33], (Space::A, 0x0B, 0x33)),
-        // The low-frequency input, and a reduced gain of the second stage.
+        // 0D selects the low-frequency input, and 0E a reduced gain of the second stage.
         (&[0x0D, 0x03], (Space::A, 0x0D, 0x03)),
         (&[0x0E, 0x80], (Space::A, 0x0E, 0x80)),
         (&[0xFB, 0x0C, 0x51], (Space::B, 0x0C, 0x51)),
@@ -278,14 +280,14 @@ const BOTH: fn() -> [Config; 2] = || [Config::default(), Config::st25r3916()];
 #[test]
 fn a_poller_that_cannot_modulate_nfc_f_is_not_heard() {
     let b = Variant::St25r3916b;
-    // Each case has the configuration, the write, and the register that becomes unsuitable.
+    // A case has the chip's variant, the write, and the register that the write makes unsuitable.
     type Written = (Space, u8, u8);
     let cases: [(Variant, &[u8], Written); 9] = [
         (b, &[0x03, 0x18], (Space::A, 0x03, 0x18)),
         (b, &[0x28, 0x00], (Space::A, 0x28, 0x00)),
         (b, &[0x28, 0xC0], (Space::A, 0x28, 0xC0)),
         (b, &[0x28, 0x4F], (Space::A, 0x28, 0x4F)),
-        // The next two writes lead to undocumented combinations of dis_reg_am and act_amsink.
+        // The writes of B28 and of 01 lead to undocumented combinations of dis_reg_am and act_amsink.
         (b, &[0xFB, 0x28, 0x04], (Space::B, 0x28, 0x04)),
         (b, &[0x01, 0x3D], (Space::B, 0x28, 0x84)),
         (b, &[0xFB, 0x2E, 0x01], (Space::B, 0x2E, 0x01)),
@@ -361,7 +363,8 @@ fn a_field_detector_without_hysteresis_is_a_finding() {
 
 #[test]
 fn the_field_detector_has_hysteresis() {
-    // The voltage at the antenna is 350 mV. trg of register 2A selects the threshold of detection, 75 to 800 mV.
+    // The field's voltage at the detector is 350 mV. trg of register 2A selects a threshold of detection from 75 to 800
+    // mV.
     for (trg, seen) in [(1, true), (4, true), (5, false), (7, false)] {
         let mut pair = Pair::new(Config::default(), Config::default(), clean());
         pair.start_listener();
@@ -419,7 +422,8 @@ fn a_mask_or_an_interrupt_that_flips_moves_the_pin() {
     pair.listener.flip(Space::A, 0x16, 5);
     pair.listener.flip(Space::A, 0x1A, 5);
     assert!(!pair.listener.irq());
-    // Bits of a result register, of a missing register, a reserved bit, and a chip without supply cannot be flipped.
+    // These bits cannot be flipped: bits of a result register, of a missing register, a reserved bit, and any bit of a
+    // chip without supply.
     for (space, address, bit) in [(Space::A, 0x3F, 0), (Space::A, 0x30, 0), (Space::B, 0x01, 0), (Space::A, 0x19, 2)] {
         assert_eq!(pair.listener.flippable(space, address) >> bit & 1, 0);
         let before = pair.listener.peek(space, address);

@@ -5,7 +5,7 @@ use crate::common;
 use common::{Pair, exact, payload};
 use st25r3916_model::{Air, AirFaults, Chip, Config, IrqEdge};
 
-/// Returns a chip with I_osc pending and its IRQ pin high; the oscillator became stable at about 700 µs.
+/// Returns a chip with I_osc pending and its IRQ pin high. Its oscillator became stable at about 700 µs.
 fn with_irq(hz: u32) -> Chip {
     let mut chip = Chip::new(exact());
     chip.spi_clock_hz(hz);
@@ -20,7 +20,8 @@ fn with_irq(hz: u32) -> Chip {
 
 #[test]
 fn the_irq_pin_falls_at_the_first_edge_of_the_byte_read() {
-    // A byte ends eight clock periods after its first rising edge, and the IRQ pin falls 31 ns after that edge.
+    // The IRQ pin falls 31 ns after the first rising edge of a byte, which is eight clock periods before the byte's
+    // end.
     for (hz, before_end) in [(10_000_000, 769), (8_000_000, 969), (1_000_000, 7_969)] {
         let mut chip = with_irq(hz);
         chip.select(720_000);
@@ -48,7 +49,7 @@ fn a_clock_that_was_not_told_counts_as_the_fastest() {
 
 #[test]
 fn the_pin_never_falls_before_the_byte_that_was_read() {
-    // The clock is set to 1 MHz, but the byte ends only 500 ns after the byte before.
+    // The chip's clock rate is set to 1 MHz, but the byte ends only 500 ns after the byte before.
     let mut chip = with_irq(1_000_000);
     chip.select(720_000);
     chip.transfer(730_000, 0x5A);
@@ -58,7 +59,8 @@ fn the_pin_never_falls_before_the_byte_that_was_read() {
 
 #[test]
 fn an_interrupt_within_the_byte_that_clears_another_makes_a_pulse() {
-    // I_osc is read in the byte that ends at 807.2 µs, in whose middle the no-response timer expires.
+    // The controller reads I_osc in the byte that ends at 807.2 µs. The no-response timer expires in the middle of that
+    // byte.
     let config = Config { no_response_extra_ns: 0, ..exact() };
     let mut chip = Chip::new(config);
     chip.spi_clock_hz(8_000_000);
@@ -78,7 +80,7 @@ fn an_interrupt_within_the_byte_that_clears_another_makes_a_pulse() {
     // The no-response timer takes 64 carrier cycles, 4.720 us.
     chip.select(804_000);
     chip.transfer(805_000, 0x5A);
-    // The IRQ pin is read in the middle of the byte, and the byte is passed to the chip at its end.
+    // The bench reads the IRQ pin in the middle of the byte, but passes the byte to the chip only at its end.
     chip.advance(806_720);
     assert!(chip.irq());
     chip.transfer(807_200, 0x00);
@@ -91,7 +93,7 @@ fn an_interrupt_within_the_byte_that_clears_another_makes_a_pulse() {
 #[test]
 fn the_pin_stays_high_when_an_earlier_interrupt_is_left() {
     let mut chip = with_irq(10_000_000);
-    // A second interrupt is pending in register 1B: I_dct, after Adjust regulators (D6).
+    // Register 1B has a second pending interrupt: I_dct, after Adjust regulators (D6).
     chip.select(711_000);
     chip.transfer(712_000, 0xD6);
     chip.deselect(712_000);
@@ -171,7 +173,7 @@ fn the_start_of_transmission_scatters_over_what_is_set_around_its_mean() {
         assert!(most - least > scatter * 95 / 100, "{least} to {most}");
         let average = seen.iter().sum::<u64>() / 500;
         assert!(average.abs_diff(mean) < scatter / 20, "{average}");
-        // With a uniform scatter, a quarter of the frames starts in each quarter of the range.
+        // If the scatter is uniform, a quarter of the frames starts in each quarter of the range.
         let quarter = seen.iter().filter(|s| **s < mean - scatter / 4).count();
         assert!((90..=160).contains(&quarter), "{quarter} of 500 in the first quarter");
     }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use bench::boards::{Dpr, Horus, SSI};
+use bench::boards::{Dpr, Hold, Horus, SSI};
 use cortex_m4::Cost;
 use emulator_node::{Board, Firmware, Node};
 use firmware_common::start_test;
@@ -10,13 +10,13 @@ use nrf52840::{Nrf52840, Settings};
 use st25r3916_model::{Chip, Config};
 use stm32f429::{Oscillators, Stm32f429};
 
-/// Returns a failure if `ci` is set, because no one reads the output there. `how` explains how to get what is missing.
+/// Returns a failure if `ci` is set, because no one reads the output there. `how` says how to get what is missing.
 pub(crate) fn verdict(ci: bool, missing: &str, how: &str) -> Result<String, String> {
     let words = format!("not run: {missing} ({how})");
     if ci { Err(words) } else { Ok(words) }
 }
 
-/// Reports that a test is not run because something is missing.
+/// Reports that a test is not run because a file or a tool is missing.
 ///
 /// # Panics
 ///
@@ -28,7 +28,7 @@ pub(crate) fn not_run(missing: &str, how: &str) {
     }
 }
 
-/// What to do about a missing image.
+/// The advice for a missing program file.
 const HOW: &str = "`cargo xtask test` builds the images and says in LINK_IMAGES where they are";
 
 /// The path of the ELF file called `name` for `receivers` receivers, or `None` (reported, see [`not_run`]) if it was
@@ -81,6 +81,12 @@ pub(crate) fn horus_with<C: Cost>(oscillators: Oscillators) -> Option<Node<Horus
 pub(crate) fn horus_part<C: Cost>(part: Stm32f429) -> Option<Node<Horus, C>> {
     let image = Firmware::read(&image(3, "horus-tx-fw.elf")?).unwrap();
     Some(Node::new(part, Horus::new(chip(), 3, false), &image).unwrap())
+}
+
+/// The hold's board, alone; `None` if the firmware was not built.
+pub(crate) fn hold() -> Option<Node<Hold>> {
+    let image = Firmware::read(&hold_image()?).unwrap();
+    Some(Node::new(Nrf52840::new(Settings::default()), Hold::new(chip(), 1), &image).unwrap())
 }
 
 /// The DPR's board outside any field; `None` if the firmware was not built.

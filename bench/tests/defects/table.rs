@@ -1,9 +1,9 @@
 //! Defects that a hurried change could leave in the sources. Each has a change of one file, the run of `cargo xtask
 //! sim` that shows the defect, and the resulting violation.
 //!
-//! `cargo xtask defects` applies all defects to a copy of the workspace, each as a choice at run time, and runs each
-//! separately (`xtask/src/defects.rs`). The word `DEFECT` in a new text is that choice; without it, the program has
-//! both texts and runs the new one if the defect is chosen.
+//! `cargo xtask defects` builds a copy of the workspace that contains all defects, and runs each defect separately
+//! (`xtask/src/defects.rs`). A run chooses its defect. In a new text the word `DEFECT` stands for this choice. If a new
+//! text lacks the word, the program contains both texts, and executes the new one if the defect is chosen.
 //!
 //! The old text of a row must occur exactly once in its file, and not in a `const fn`.
 
@@ -19,7 +19,7 @@ pub(crate) struct Edit {
 pub(crate) enum Shows {
     /// The run of a defect shows this violation, perhaps among others.
     By(Violation),
-    /// The run shows no violation, because a rule is missing, or only the named test finds the defect.
+    /// The run of a defect shows no violation: a rule is missing, or only the named test finds the defect.
     Not(&'static str),
 }
 
@@ -316,6 +316,18 @@ pub(crate) const DEFECTS: &[Defect] = &[
           "let all = tasks.clone().all(|seen| seen.load(Ordering::Relaxed));",
           "let all = DEFECT || tasks.clone().all(|seen| seen.load(Ordering::Relaxed));"),
         HANG, By(V::HorusStaysHung)),
+    // Breaks SAFE-16.
+    row("order-of-steps-ignored", "a task of HORUS's cycle may run although it is not its turn",
+        edit("firmware-common/src/flow.rs",
+          "in_order &= runs(*earlier) == if",
+          "in_order &= DEFECT || runs(*earlier) == if"),
+        HANG, By(V::HorusStaysHung)),
+    // Breaks SAFE-16.
+    row("call-not-asked-for", "a task of the DPR may run although nothing has called it",
+        edit("firmware-common/src/calls.rs",
+          "let made = mark.load(Ordering::Relaxed);",
+          "let made = DEFECT || mark.load(Ordering::Relaxed);"),
+        HANG, By(V::DprStaysHung)),
     row("horus-integrity-without-consequence", "what HORUS's check of its memory finds leads to nothing",
         edit("horus-tx-fw/src/integrity.rs",
           "guard.or(changed).or(slice.ram.map(|address| (Cause::Ram, address)))",

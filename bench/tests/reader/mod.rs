@@ -48,12 +48,12 @@ impl View {
     }
 }
 
-/// Carries out a transaction with every byte on MOSI being `mosi`, and its gap. Returns the bytes on MISO.
+/// Makes a transaction in which every byte on MOSI is `mosi`, and waits for the gap. Returns the bytes on MISO.
 pub(crate) fn transact(node: &mut Node<Dpr>, bytes: usize, mosi: u8) -> Vec<u8> {
     carry(node, Order { filler: Filler::Byte(mosi), ..Order::read(bytes) })
 }
 
-/// Carries out a transaction now, and the gap after it. Returns the bytes on MISO.
+/// Makes a transaction now, and waits for the gap after it. Returns the bytes on MISO.
 pub(crate) fn carry(node: &mut Node<Dpr>, order: Order) -> Vec<u8> {
     carry_by(node, order, |node, end| {
         while node.now() < end {
@@ -62,7 +62,7 @@ pub(crate) fn carry(node: &mut Node<Dpr>, order: Order) -> Vec<u8> {
     })
 }
 
-/// Carries out a transaction like [`carry`], while `pass` runs the board to each instant.
+/// Makes a transaction as [`carry`] does, while `pass` runs the board to each instant.
 pub(crate) fn carry_by(node: &mut Node<Dpr>, order: Order, mut pass: impl FnMut(&mut Node<Dpr>, u64)) -> Vec<u8> {
     let mut master = SsiMaster::new(Crystal::default());
     let start = Start { bench_ns: node.now(), own_ns: 0 };
@@ -81,7 +81,7 @@ pub(crate) fn view(node: &mut Node<Dpr>) -> View {
     View::of(at, &transact(node, layout().image_len(), 0))
 }
 
-/// Reads images up to `end`, with 2 ms between two of them.
+/// Reads images up to `end`, with a pause of 2 ms between two reads.
 pub(crate) fn views(node: &mut Node<Dpr>, end: u64) -> Vec<View> {
     let mut all = vec![];
     while node.now() < end {
@@ -94,7 +94,7 @@ pub(crate) fn views(node: &mut Node<Dpr>, end: u64) -> Vec<View> {
     all
 }
 
-/// The payload of a cycle's frame with `timestamp` (ms), in which every object is valid.
+/// Returns the payload of a cycle's frame with `timestamp` (ms), in which every object is valid.
 pub(crate) fn payload(timestamp: u32) -> Vec<u8> {
     let gps = GpsValues { status: GpsStatus::new().with_position_valid(true), ..GpsValues::absent(timestamp) };
     let reported = ReportedValues {
@@ -121,7 +121,8 @@ pub(crate) fn field_on(node: &mut Node<Dpr>) {
     node.board_mut(|board| board.front_end.hear(0, &AirEvent::FieldOn));
 }
 
-/// Sends the chip a frame with `payload`, whose first bit is on the air at `at`, now or later. Frames must not overlap.
+/// Sends a frame with `payload` to the chip. Its first bit is on the air at `at`, which is not in the past. Frames must
+/// not overlap.
 pub(crate) fn send(node: &mut Node<Dpr>, at: u64, payload: &[u8]) {
     let length = u8::try_from(payload.len()).expect("it fits one frame");
     let mut data = vec![length + 1];
@@ -191,7 +192,7 @@ pub(crate) struct Reader {
 
 const FIRST_READ: u64 = 20 * MS;
 
-/// The pause between two transactions, ns. It does not divide HORUS's cycle.
+/// The pause between two transactions, ns. It does not divide HORUS's cycle, so transactions come at many phases.
 const PAUSE: u64 = 1_830 * US;
 
 impl Reader {

@@ -8,14 +8,14 @@ use bench_judge::Violation;
 use super::{MS, Row, breaks, table};
 use crate::boards;
 
-/// The link with a hold.
+/// Adds a hold to the setup.
 fn with_hold(setup: &mut Setup) {
     let image = |name| boards::image(setup.gps, name).expect("the images were built");
     (setup.images.dpr, setup.hold) = (image("dpr-fw-hold.elf"), Some(boards::hold_image().expect("it was built")));
     setup.writes = true;
 }
 
-/// A row of a run of 4 s with a hold, in which this does not happen as the log says from 2 s on.
+/// Returns a row whose run of 4 s has a hold. From 2 s on one of its faults makes the run differ from the log.
 const fn row(violation: Violation, faults: fn() -> Faults) -> Row {
     Row { duration: || 4_000 * MS, setup: with_hold, ..Row::new(violation, faults) }
 }

@@ -17,7 +17,8 @@ use super::boards::RAM_TEST;
 
 /// How long the stores of a board are recorded from its start, ns.
 const RECORDED: u64 = RAM_TEST + 30 * MS;
-/// The number of bytes of flash that are compared, more than a program and its stubs have.
+/// The number of bytes of flash that are compared to find what a patch has changed, more than a program and its stubs
+/// have.
 const FLASH: usize = 0x4_4000;
 pub(super) const ALWAYS: (u64, u64) = (0, u64::MAX);
 const WAIT: [u8; 2] = 0xBF30_u16.to_le_bytes();
@@ -45,7 +46,8 @@ fn dpr(setup: &Setup) -> Node<Dpr> {
     Node::new(Nrf52840::new(Settings::default()), Dpr::new(chip(), false), &image(setup, Board::Dpr)).unwrap()
 }
 
-/// Makes the program of `board` store other values to registers between `at` and `until` (ns), with a correct CRC.
+/// Patches the program of `board` between `at` and `until` (ns) so that it stores other values to registers. Its CRC is
+/// corrected.
 pub(super) fn stores(setup: &mut Setup, board: Board, (at, until): (u64, u64), changes: &[Change]) {
     let patches = match board {
         Board::Horus => patches(horus(setup), changes),
@@ -57,7 +59,7 @@ pub(super) fn stores(setup: &mut Setup, board: Board, (at, until): (u64, u64), c
     }
 }
 
-/// The addresses at which flash differs after [`rewrite`], each with the new bytes.
+/// Returns the addresses at which [`rewrite`] has changed flash, each with the new bytes.
 fn patches<B: Powered>(mut node: Node<B>, changes: &[Change]) -> Vec<(u32, Vec<u8>)> {
     let recording = Recording::of(&mut node.clone(), RECORDED, |node| {
         node.board_mut(|board| board.front_end().take_air());
@@ -82,12 +84,12 @@ fn patches<B: Powered>(mut node: Node<B>, changes: &[Change]) -> Vec<(u32, Vec<u
             _ => patches.push((address, vec![after])),
         }
     }
-    // The stubs must be in place before the branches to them.
+    // The stubs must be in flash before the branches to them.
     patches.reverse();
     patches
 }
 
-/// Keeps the task `idle` of `board` from sleeping from `at` (ns) on.
+/// Keeps the task `idle` of `board` awake from `at` (ns) on.
 pub(super) fn awake(setup: &mut Setup, board: Board, at: u64) {
     let firmware = image(setup, board);
     let idle = firmware.functions_called("idle").next().expect("the task idle");
@@ -104,7 +106,7 @@ pub(super) fn awake(setup: &mut Setup, board: Board, at: u64) {
         }
         Board::Dpr => {
             let mut node = dpr(setup);
-            // The board runs until its start has copied the task's code to RAM.
+            // The board's start must first copy the code of the task to RAM.
             while node.now() < RECORDED {
                 node.advance(RECORDED);
             }
@@ -116,7 +118,7 @@ pub(super) fn awake(setup: &mut Setup, board: Board, at: u64) {
     setup.faults.add(Episode { at, until: u64::MAX, fault });
 }
 
-/// Removes the telemetry of `board`'s program by giving its symbol another name.
+/// Hides the telemetry of `board`'s program by giving its symbol another name.
 pub(super) fn without_telemetry(setup: &mut Setup, board: Board) {
     let (path, symbol) = match board {
         Board::Horus => (&mut setup.images.horus, "HORUS_TELEMETRY"),
@@ -134,17 +136,17 @@ pub(super) fn without_telemetry(setup: &mut Setup, board: Board) {
     std::fs::write(&*path, elf).unwrap();
 }
 
-/// Sets the bits of `mask` to `value` in every store to `address`.
+/// Returns a change that sets the bits of `mask` to `value` in every store to `address`.
 pub(super) const fn bits(address: u32, mask: u32, value: u32) -> Change {
     Change { address, to: To::Bits { mask, value } }
 }
 
-/// Replaces `of` by `value` in stores to `address`.
+/// Returns a change that replaces `of` by `value` in stores to `address`.
 pub(super) const fn instead(address: u32, of: u32, value: u32) -> Change {
     Change { address, to: To::Instead { of, value } }
 }
 
-/// Omits all stores to `address`.
+/// Returns a change that omits all stores to `address`.
 pub(super) const fn never(address: u32) -> Change {
     Change { address, to: To::Nothing }
 }

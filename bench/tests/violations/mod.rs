@@ -1,8 +1,8 @@
 //! The table of violations. Each row breaks the world or a release program so that the judge reports one violation and
-//! no other, except that a firmware's own fault counter may report the fault too. A violation without a row fails the
-//! table.
+//! no other. Only a firmware's own fault counter may report the fault too. A violation without a row fails the table.
 //!
-//! Each row's event log is judged twice, and a third time after it was stored and read again, with equal verdicts.
+//! The event log of each row is judged twice, and a third time after it was stored and read again. The verdicts must be
+//! equal.
 
 use crate::boards;
 
@@ -29,17 +29,18 @@ const SETTLED: u64 = 300 * MS;
 /// The time from a tick of HORUS until the image of its cycle can be read, with three receivers, ns.
 const READABLE: u64 = 5 * MS;
 
-/// The flight controller's control cycle, ns. Exactly one transaction ends in any interval of this length.
+/// The flight controller's control cycle, ns. One transaction ends in any interval of this length.
 const CONTROL_CYCLE: u64 = 4 * MS;
 
-/// The instants after [`SETTLED`] at which faults begin; see [`breaks_with`] and [`reads`].
+/// The instants after [`SETTLED`] at which faults begin and the flight controller reads; see [`breaks_with`] and
+/// [`reads`].
 struct Beat {
     breaks: u64,
     reads: u64,
 }
 
-/// The instants at which faults begin in a link with `gps` receivers. They depend on the program, whose check delays
-/// HORUS's first tick.
+/// Returns the instants at which faults begin in a link with `gps` receivers. They depend on the program: its check
+/// delays HORUS's first tick.
 ///
 /// # Panics
 ///
@@ -63,8 +64,8 @@ fn beat(gps: usize) -> &'static Beat {
     })
 }
 
-/// The instant at which the world breaks, ns: [`READABLE`] after a tick of HORUS, and less than half a control cycle
-/// before the next read.
+/// Returns the instant at which a row's fault begins, ns: [`READABLE`] after a tick of HORUS, and less than half a
+/// control cycle before the next read.
 fn breaks_with(gps: usize) -> u64 {
     beat(gps).breaks
 }
@@ -73,21 +74,21 @@ fn breaks() -> u64 {
     breaks_with(3)
 }
 
-/// The instant of the flight controller's first transaction after [`breaks`], ns.
+/// Returns the instant of the flight controller's first transaction after [`breaks`], ns.
 fn reads() -> u64 {
     beat(3).reads
 }
 
 struct Row {
-    /// The violation that must be reported first. Beside it only `also` may be reported.
+    /// The violation that the judge must report first. Beside it only `also` may be reported.
     violation: Violation,
-    /// The violation with which a firmware's own fault counter reports the fault.
+    /// The violation that the firmware's own fault counter causes for the same fault.
     also: Option<Violation>,
     gps: usize,
     duration: fn() -> u64,
     setup: fn(&mut Setup),
     faults: fn() -> Faults,
-    /// Faults that the bench gets only when both boards have reached [`breaks_with`].
+    /// Faults that are added to the bench only when both boards have reached [`breaks_with`].
     added: fn() -> Faults,
 }
 

@@ -30,27 +30,27 @@ fn image(fault: ImageFault, duration: u64) -> Faults {
     Faults::none().with(breaks(), breaks() + duration, Fault::Image(Board::Horus, fault))
 }
 
-/// The variable or table `symbol` of HORUS holds other bytes.
+/// Returns a fault that gives the variable or table `symbol` of HORUS other bytes.
 fn poke(symbol: &str, bytes: &[u8]) -> ImageFault {
     ImageFault::Poke { symbol: symbol.into(), offset: 0, bytes: bytes.into() }
 }
 
-/// The code of a function of HORUS holds other bytes.
+/// Returns a fault that replaces bytes in the code of a function of HORUS.
 fn replaced(function: &str, was: &[u8], is: &[u8]) -> ImageFault {
     ImageFault::Replaced { function: function.into(), was: was.into(), is: is.into() }
 }
 
-/// The upper words of the float64 numbers 1e7, by which HORUS divides latitude and longitude, and 2e7.
+/// The upper words of the float64 numbers 1e7 and 2e7. HORUS divides latitude and longitude by 1e7.
 const DIVISOR: (u32, u32) = (0x4163_12D0, 0x4173_12D0);
 
-/// The time since a receiver's last message, ms, from which HORUS treats the receiver as not heard.
+/// The time since a receiver's last message, ms, from which HORUS no longer reports that messages arrive from it.
 const NOT_HEARD: u8 = {
     assert!(HEARD_MS < 0xFF);
     HEARD_MS as u8 + 1
 };
 
-/// Constants of the voter (float32) and their replacements: squares of limits (30 m, 8 m, 50 m, 200 m/s), and the
-/// number of 1/256 of 1e-7 degrees in a radian.
+/// Constants of the voter (float32), and their replacements. They are the squares of limits (30 m, 8 m, 50 m, 200 m/s),
+/// and the number of 1/256 of 1e-7 degrees in a radian.
 const CEILING: u32 = 0x4461_0000;
 const CEILING_HEIGHT: u32 = 0x451C_4000;
 const FLOOR_HEIGHT: u32 = 0x4280_0000;
@@ -61,14 +61,14 @@ const MINUS_ONE: u32 = 0xBF80_0000;
 const TWO: u32 = 0x4000_0000;
 const MILLION_MILLIONS: u32 = 0x5368_D4A5;
 
-/// Constants of the voter have other values from [`breaks`] on.
+/// Returns faults that give constants of the voter other values from [`breaks`] on.
 fn voter(constants: &[(u32, u32)]) -> Faults {
     let constants = constants.iter().map(|(of, value)| ImageFault::Constant { of: *of, value: *value });
     constants
         .fold(Faults::none(), |faults, fault| faults.with(breaks(), u64::MAX / 2, Fault::Image(Board::Horus, fault)))
 }
 
-/// Adds an offset of GPS2 by `north` m, which begins before the voter is changed.
+/// Adds to `faults` an offset of GPS2 by `north` m, which begins 200 ms before the voter's constants are changed.
 fn with_offset(faults: Faults, north: i32) -> Faults {
     let fault = ReceiverFault::Offset { north, east: 0, up: 0 };
     faults.with(breaks() - 200 * MS, u64::MAX / 2, Fault::Receiver(1, fault))
@@ -82,7 +82,7 @@ table! {
         setup: |setup| setup.crystals.horus_ppb = 25_000_000,
         ..Row::new(Violation::TickIrregular, Faults::none)
     };
-    // The task that fills a cycle does nothing for 35 ms.
+    // The task that fills a cycle's objects does nothing for 35 ms.
     the_cycles_task_is_dead => Row {
         also: Some(Violation::HorusComplains),
         ..Row::new(Violation::NoFrame, || image(ImageFault::Dead("CAN1_RX0".into()), 35 * MS))
@@ -156,7 +156,7 @@ table! {
         let switches = Fault::Input(0, InputFault::Active);
         wire(WireFault::InputsUnseen, 300 * MS).with(breaks() + MS, breaks() + 61 * MS, switches)
     });
-    // PE3, the chip select of the receiver on SPI, stays an input.
+    // PE3 stays an input. It is the chip select of the receiver on SPI.
     a_receiver_that_is_never_selected => Row {
         duration: || 1_800 * MS,
         setup: |setup| stores(setup, Board::Horus, ALWAYS, &[bits(GPIOE_MODER, 0xC0, 0)]),
@@ -165,7 +165,7 @@ table! {
     a_voter_that_is_too_strict => {
         Row::new(Violation::ExclusionWrong, || with_offset(voter(&[(CEILING, TWO)]), 3))
     };
-    // PD5, on which HORUS sends to GPS1, stays an input.
+    // PD5 stays an input. HORUS sends to GPS1 on it.
     a_receiver_that_hears_nothing_keeps_its_factory_settings => Row {
         gps: 1,
         duration: || 5_600 * MS,
@@ -181,12 +181,12 @@ table! {
             Faults::none().with(1, u64::MAX, Fault::Wire(WireFault::Sky(ReceiverFault::NoFix)))
         })
     };
-    // The offset begins before the first solution, so the position does not jump.
+    // The receivers have the offset before their first solution, so the position does not jump.
     receivers_that_are_all_off_by_as_much => Row::new(Violation::PositionOff, || {
         let off = ReceiverFault::Offset { north: 40, east: 0, up: 0 };
         Faults::none().with(1, u64::MAX, Fault::Wire(WireFault::Sky(off)))
     });
-    // HORUS never switches its external oscillator on.
+    // The program never switches HORUS's external oscillator on.
     a_horus_that_does_not_use_its_crystal => Row {
         setup: |setup| stores(setup, Board::Horus, ALWAYS, &[bits(RCC_CR, 0x1_0000, 0)]),
         ..Row::new(Violation::CrystalWrong, Faults::none)

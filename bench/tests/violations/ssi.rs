@@ -15,7 +15,7 @@ const DEADLINE: &str = "TIMER1";
 /// CC[2], a compare register of the DPR's TIMER2 (PS 6.30).
 const TIMER2_CC2: u32 = 0x4000_A548;
 
-/// The ticks per microsecond of the timer by which HORUS sends at its slots: 72 MHz.
+/// The ticks per microsecond of the timer that fires HORUS's send slots: 72 MHz.
 const TICKS_PER_US: u32 = 72;
 /// The instant at which HORUS sends the second frame of five receivers, µs after its tick.
 const SECOND_SLOT_US: u32 = 4_130;
@@ -28,7 +28,8 @@ fn dpr(at: u64, ns: u64, fault: ImageFault) -> Faults {
     Faults::none().with(at, at + ns, Fault::Image(Board::Dpr, fault))
 }
 
-/// A transaction `ns` after the end of the first frame, and 1 µs later after each following one, in `frames` cycles.
+/// Returns a sweep over `frames` cycles with one transaction in each. It begins `ns` after the end of the first frame,
+/// and 1 µs later after each following frame.
 fn after_each_frame(ns: i64, frames: u32) -> Sweep {
     let read = Placement { edge: Edge::Falls, after_ns: 0, bytes: None };
     let to_ns = ns + i64::from(frames - 1) * 1_000;
@@ -38,19 +39,19 @@ fn after_each_frame(ns: i64, frames: u32) -> Sweep {
 table! {
     a_front_end_whose_load_modulator_works_by_itself_answers =>
         Row::new(Violation::Answered, || wire(breaks(), 100 * MS, WireFault::AntennaAnswers));
-    // Each of the first three cycles has one transaction, and later cycles have none.
+    // The first three cycles have one transaction each, and later cycles have none.
     a_flight_controller_that_stops_reading_makes_no_transaction => Row {
         setup: |setup| setup.sweep = Some(after_each_frame(200_000, 3)),
         ..Row::new(Violation::NoTransaction, Faults::none)
     };
-    // The run ends before the DPR's watchdog resets it, 6 µs after the longest start-up time.
+    // The run ends before the DPR's watchdog resets it, just after the longest time that a start may take.
     a_firmware_whose_commit_task_does_nothing_never_gets_ready => Row {
         also: Some(Violation::DprComplains),
         duration: || 100 * MS + 3 * US,
         ..Row::new(Violation::NeverReady, || {
             let sealed = ImageFault::Patch { address: 0, bytes: vec![], sealed: true };
             let dead = |task: &str| Fault::Image(Board::Dpr, ImageFault::Dead(task.into()));
-            // Either of the tasks `commit` and `deadline` would publish an image.
+            // The tasks `commit` and `deadline` are both dead, because either of them would publish an image.
             let both = Faults::none().with(0, u64::MAX, dead(COMMIT)).with(0, u64::MAX, dead(DEADLINE));
             both.with(0, u64::MAX, Fault::Image(Board::Dpr, sealed))
         })
@@ -82,11 +83,12 @@ table! {
             ..Row::new(Violation::FreshUnreadable, || {
                 let other = Identifier(Identifier::LINK_STATUS.0 + 0x100);
                 let (of, value) = (Identifier::LINK_STATUS.0.into(), other.0.into());
-                // The identifier in the DPR's program changes during a frame.
+                // While a frame arrives, the DPR's program gets another constant for Link-Status's identifier.
                 dpr(breaks() - 2 * MS, 100 * MS, ImageFault::Constant { of, value })
             })
         };
-    // The second frame ends just before the next tick, and its image comes after that tick.
+    // With five receivers a cycle has two frames. The late one ends just before the next tick, so its image is
+    // published after that tick.
     a_second_frame_in_a_late_slot_makes_its_sample_late => Row {
         gps: 5,
         ..Row::new(Violation::LateSample, || {
@@ -97,7 +99,7 @@ table! {
             Faults::none().with(0, u64::MAX, Fault::Image(Board::Horus, late))
         })
     };
-    // At the deadline after a lost frame the DPR requests the buffers itself, and no transaction reads that image.
+    // A frame is lost. At its deadline the DPR takes the buffers by itself, and no transaction reads the image.
     a_processor_that_keeps_the_buffers_without_a_transaction_holds_the_ssi_back => Row {
         setup: |setup| setup.sweep = Some(after_each_frame(200_000, 60)),
         ..Row::new(Violation::HeldBack, || {
@@ -108,7 +110,7 @@ table! {
     };
     a_miso_line_that_is_stuck_high_for_one_transaction_serves_nothing =>
         Row::new(Violation::Unserved, || wire(reads() - US, CONTROL_CYCLE / 2, WireFault::MisoOnes));
-    // The compare register of the timer that ends the pulse has another value.
+    // The timer that ends FRESH's pulse gets half of its compare value, so the pulse is too short.
     a_fresh_that_is_high_for_half_as_long_is_too_short => Row {
         setup: |setup| stores(setup, Board::Dpr, ALWAYS, &[instead(TIMER2_CC2, 2, 1)]),
         ..Row::new(Violation::FreshShort, Faults::none)

@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// The changes of each signal in the trace file, by group and name, each as its instant (ns) and value in binary.
+/// Returns the changes of each signal in the trace file, by group and name. A change has its instant (ns) and its value
+/// in binary.
 pub(crate) fn read(path: &Path) -> BTreeMap<String, Vec<(u64, String)>> {
     let mut wave = wellen::simple::read(path).unwrap();
     let variables: Vec<_> = {

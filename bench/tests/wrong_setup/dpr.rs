@@ -7,12 +7,12 @@ use reader::{carry_by, layout, transact};
 
 use super::*;
 
-/// The instant of the first frame in the DPR's run, ns; a frame follows every 10 ms.
+/// The instant of the first frame in the DPR's run, ns. A frame follows every 10 ms.
 const FIRST: u64 = 60 * MS;
-/// The instant from which the task `commit` hangs, ns, so that the image has to expire in hardware.
+/// The instant, ns, from which the task `commit` hangs. After that, the image has to expire in hardware.
 const HANGS: u64 = 135 * MS;
 const DPR_RUN: u64 = 200 * MS;
-/// The interval in which two short transactions follow each read of the image within one pause, ns.
+/// The interval, ns, in which each read of the image is followed by two short transactions within one pause.
 const HASTY: std::ops::Range<u64> = 110 * MS..120 * MS;
 const READ_EVERY: u64 = 2 * MS;
 
@@ -23,9 +23,9 @@ struct Shows {
     intact: usize,
     valid: usize,
     all: usize,
-    /// The number of transactions that read data within the pause after the one before them.
+    /// The number of transactions that read data although they came within the pause after another transaction.
     hasty: usize,
-    /// How long valid data were read after `commit` hung, ns.
+    /// The longest time, ns, from when `commit` began to hang until a transaction read valid data.
     stale: u64,
     fresh: (usize, usize),
     received: u32,
@@ -43,7 +43,7 @@ fn dpr() -> Option<&'static (Node<Dpr>, Recording)> {
     DPR.get_or_init(|| {
         let mut node = boards::dpr()?;
         field_on(&mut node);
-        // The flight controller reads during the recording, so that the stores for a transaction are recorded too.
+        // Transactions are made during the recording too, so that it contains the stores that they cause.
         let (mut run, mut recording) = (node.clone(), Recording::default());
         while run.now() < RAM_TEST + 30 * MS {
             let next = run.now() + READ_EVERY;
@@ -114,7 +114,7 @@ const PPI_CHENSET: u32 = 0x4001_F504;
 /// The PIN_CNF registers of the nRF52840's port 1.
 const P1_CNF: u32 = 0x5000_0A00;
 
-/// Whether the front end is never used, the log gives `reason` for it, and the SSI shows no valid object.
+/// Returns whether the front end is never used, the log gives `reason` for that, and the SSI shows no valid object.
 fn deaf_for(seen: &Shows, reason: &str) -> bool {
     seen.received == 0
         && seen.valid == 0
@@ -124,17 +124,17 @@ fn deaf_for(seen: &Shows, reason: &str) -> bool {
         && seen.restarts.is_empty()
 }
 
-/// Whether frames are received and published, but no intact Link-Status is read.
+/// Returns whether frames are received and published, but no intact Link-Status is read.
 fn mute(seen: &Shows) -> bool {
     seen.received == 8 && seen.fresh.0 >= 10 && seen.intact == 0 && seen.valid == 0 && seen.restarts.is_empty()
 }
 
-/// Whether frames are received and published, but an undriven line, or SPIS's default character, is read.
+/// Returns whether frames are received and published, but an undriven line, or SPIS's default character, is read.
 fn mute_and_silent(seen: &Shows) -> bool {
     mute(seen) && seen.silent == seen.all
 }
 
-/// Whether as many intact images are read as with the original program; FRESH is not checked.
+/// Returns whether as many intact images are read as with the original program. FRESH is not checked.
 fn shows_as_ever(seen: &Shows) -> bool {
     seen.received == 8 && seen.valid >= 25 && seen.intact >= 60 && seen.restarts.is_empty()
 }
@@ -167,7 +167,7 @@ const DPR_ROWS: &[Row<Shows>] = &[
     row("SPIM0: least significant bit first", &[bits(SPIM0 + 0x554, 7, 3)], Expected::Finding("chip:"), |seen| {
         deaf_for(seen, "Absent")
     }),
-    // The firmware reads the chip's FIFO more slowly than the air fills it.
+    // At 125 kbit/s the firmware reads the chip's FIFO more slowly than the air fills it.
     row("SPIM0: 125 kbit/s", &[bits(SPIM0 + 0x524, !0, 0x0200_0000)], Expected::Nothing, |seen| {
         seen.received == 0 && seen.valid == 0 && seen.faults >= 3 && seen.log.contains("Lost(Bus)")
     }),
@@ -193,7 +193,7 @@ const DPR_ROWS: &[Row<Shows>] = &[
     row("SPIS1: CPHA", &[bits(SPIS1 + 0x554, 7, 2)], Expected::Finding("another SPI mode"), mute),
     row("SPIS1: CPOL", &[bits(SPIS1 + 0x554, 7, 4)], Expected::Finding("another SPI mode"), mute),
     row("SPIS1: least significant bit first", &[bits(SPIS1 + 0x554, 7, 1)], Expected::Nothing, |seen| {
-        // Successive bytes of 0xFF read the same in either bit order.
+        // A row of 0xFF bytes is the same in either bit order.
         mute(seen) && seen.silent < seen.all / 2
     }),
     row("SPIS1: MISO on P1.07", &[bits(SPIS1 + 0x50C, 0x3F, 0x27)], Expected::Nothing, mute_and_silent),
@@ -205,7 +205,7 @@ const DPR_ROWS: &[Row<Shows>] = &[
     row("SPIS1: not enabled", &[bits(SPIS1 + 0x500, !0, 0)], Expected::Finding("while SPIS is not enabled"), |seen| {
         seen.received == 8 && seen.silent == seen.all && seen.fresh == (0, 0)
     }),
-    // Without interrupts the SSI's task runs only when the scrub requests its check-in.
+    // The SSI's task has no interrupts. It runs only when the scrub requests its check-in.
     row("SPIS1: no interrupts", &[bits(SPIS1 + 0x304, !0, 0)], Expected::Nothing, rarely_shows),
     row("SPIS1: interrupt not enabled", &[never_iser(0, 0x10)], Expected::Nothing, |seen| {
         seen.silent == seen.all && seen.fresh.0 <= 1
@@ -219,19 +219,21 @@ const DPR_ROWS: &[Row<Shows>] = &[
     row("FRESH: channel is an input", &[bits(GPIOTE + 0x514, 3, 1)], Expected::Nothing, |seen| {
         shows_as_ever(seen) && seen.fresh == (0, 0)
     }),
-    // Without expiry one more transaction reads the image, at whose end the SSI's task finds it expired.
+    // Without an expiry by hardware, one more transaction reads the expired image. At its end the SSI's task finds the
+    // image expired.
     row(
         "PPI 1 and 2: no expiry",
         &[instead(PPI_CHENSET, 2, 0), instead(PPI_CHENSET, 4, 0)],
         Expected::Nothing,
         |seen| shows_as_ever(seen) && (24 * MS..30 * MS).contains(&seen.stale),
     ),
-    // The image expires only after 800 ms, when all transactions that are granted for it have been made.
+    // The image expires only after 800 ms. By then all transactions granted for it have been made.
     row("TIMER2: prescaler 2^9", &[bits(TIMER2 + 0x510, 0xF, 9)], Expected::Nothing, |seen| {
         let granted = READ_EVERY * u64::from(BUDGET);
         shows_as_ever(seen) && (granted..granted + 3 * READ_EVERY).contains(&seen.stale) && seen.expired == 0
     }),
-    // The timer's mode keeps its reset value, and eight bits suffice for the pause, so neither is changed here.
+    // Two settings of TIMER3 are not changed here: its mode keeps the reset value, and eight bits suffice for the
+    // pause.
     row("TIMER3: prescaler 2^9", &[bits(TIMER3 + 0x510, 0xF, 9)], Expected::Nothing, |seen| {
         seen.received == 8 && seen.valid < 25 && seen.intact < 60 && seen.restarts.is_empty()
     }),
@@ -256,16 +258,16 @@ const DPR_ROWS: &[Row<Shows>] = &[
     }),
     row("IRQ: interrupt not enabled", &[never_iser(0, 0x40)], Expected::Nothing, |seen| seen.valid == 0),
     row("SPIM0: interrupt not enabled", &[never_iser(0, 0x8)], Expected::Nothing, is_bitten),
-    // The DPR counts a second after 63 ms.
+    // Without the prescaler TIMER0 counts 16 times as fast, so the DPR's second lasts 63 ms.
     row("TIMER0: no prescaler", &[bits(TIMER0 + 0x510, 0xF, 0)], Expected::Nothing, |seen| {
         deaf_for(seen, "Oscillator") && seen.log.contains("\n1.0")
     }),
-    // The idle loop has nothing to do and does not feed the watchdog either.
+    // Without TIMER0 the idle loop finds no work and does not feed the watchdog.
     row("TIMER0: not started", &[never(TIMER0)], Expected::Nothing, |seen| {
         seen.valid == 0 && restarts_by_watchdog(seen)
     }),
     row("TIMER1: no interrupt", &[bits(TIMER1 + 0x304, !0, 0)], Expected::Nothing, |seen| {
-        // The last image expires, because none is published without frames.
+        // Without frames no image is published, so the last image expires.
         seen.silent > 30 && seen.fresh.0 < 12 && seen.received == 8
     }),
     row("commit's interrupt not enabled", &[never_iser(0, 0x10_0000)], Expected::Nothing, is_bitten),
@@ -279,17 +281,18 @@ const DPR_ROWS: &[Row<Shows>] = &[
     }),
 ];
 
-/// Whether the watchdog restarts the DPR every 100 ms and nothing else does.
+/// Returns whether the watchdog restarts the DPR every 100 ms and nothing else does.
 fn restarts_by_watchdog(seen: &Shows) -> bool {
     seen.restarts == [Reset::Watchdog("WDT"); 2]
 }
 
-/// Whether images are published late, because the end of a transfer is noticed only after the driver's wait of 2 ms.
+/// Returns whether images are published late, because the firmware detects the end of a transfer only after the
+/// driver's wait of 2 ms.
 fn publishes_late(seen: &Shows) -> bool {
     seen.received == 8 && seen.publish_us > 1_000
 }
 
-/// Whether images are published, but few of them can be read.
+/// Returns whether images are published, but few of them can be read.
 fn rarely_shows(seen: &Shows) -> bool {
     seen.received == 8 && seen.silent > 60 && seen.valid < 10
 }

@@ -9,7 +9,7 @@ const HORUS_RUN: u64 = RAM_TEST + 250 * MS;
 struct Sends {
     frames: Vec<u64>,
     air_ns: u64,
-    /// For each receiver, the number of frames with its valid position.
+    /// For each receiver, the number of frames that had its valid position.
     valid: [usize; 3],
     ticks: Vec<u64>,
     field: bool,
@@ -35,7 +35,7 @@ impl Sends {
     }
 }
 
-/// HORUS's board with three receivers that send their position every 20 ms.
+/// Returns HORUS's board with three receivers that send their position every 20 ms.
 fn horus() -> Option<&'static (Node<Horus>, Recording)> {
     static HORUS: OnceLock<Option<(Node<Horus>, Recording)>> = OnceLock::new();
     HORUS
@@ -137,7 +137,7 @@ const TIM2: u32 = 0x4000_0000;
 const TIM5: u32 = 0x4000_0C00;
 const IWDG: u32 = 0x4000_3000;
 
-/// Whether only the first receiver is lost, and a frame is sent every 10 ms.
+/// Returns whether only the first receiver is lost, and a frame is sent every 10 ms.
 fn first_receiver_alone_is_lost(seen: &Sends) -> bool {
     let [first, second, third] = seen.valid;
     first == 0 && second >= 20 && third >= 20 && seen.messages == [0, 11, 11] && on_time(seen)
@@ -147,7 +147,7 @@ fn on_time(seen: &Sends) -> bool {
     seen.frames.len() >= 23 && seen.ticks.len() >= 23 && seen.period() == 10 * MS && seen.restarts.is_empty()
 }
 
-/// Whether the front end is never used, the log gives `reason` for it, and the rest of the board works.
+/// Returns whether the front end is never used, the log gives `reason` for that, and the rest of the board works.
 fn off_air_for(seen: &Sends, reason: &str) -> bool {
     off_air(seen, reason) && seen.messages[2] == 11
 }
@@ -174,14 +174,14 @@ const HORUS_ROWS: &[Row<Sends>] = &[
         Expected::Nothing,
         |seen| first_receiver_alone_is_lost(seen) && seen.errors[0] > 100,
     ),
-    // With nine bits in a character the stop bit is read as parity, and the next start bit as a stop bit.
+    // With nine bits in a character the UART takes the stop bit for the parity, and the next start bit for a stop bit.
     row("USART2: eight bits and parity", &[bits(USART2 + 0xC, 0x1400, 0x1400)], Expected::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.errors[0] > 100
     }),
     row("USART2: receiver not enabled", &[bits(USART2 + 0xC, 4, 0)], Expected::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.bytes[0] == 0 && seen.errors[0] == 0
     }),
-    // Without DMAR no error is reported (RM0090 30.6.6), but the task finds an overrun at its check-in.
+    // Without DMAR the UART reports no error (RM0090 30.6.6). The task finds an overrun at its check-in.
     row("USART2: no DMA requests", &[bits(USART2 + 0x14, 0x40, 0)], Expected::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.bytes[0] == 0 && seen.errors[0] >= 12
     }),
@@ -197,14 +197,14 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("DMA1 stream 5: channel 3", &[bits(DMA1_STREAM5, 7 << 25, 3 << 25)], Expected::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.bytes[0] == 0 && seen.errors[0] > 100
     }),
-    // RXNE and the DMA request stay set, so the ring fills with zeros as fast as the DMA controller runs.
+    // RXNE and the DMA request stay set. The ring therefore fills with zeros as fast as the DMA controller runs.
     row("DMA1 stream 5: towards the UART", &[bits(DMA1_STREAM5, 0xC0, 0x40)], Expected::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.bytes[0] > 100_000 && seen.errors[0] > 100
     }),
     row("DMA1 stream 5: reads CR3 for DR", &[bits(DMA1_STREAM5 + 8, !0, USART2 + 0x14)], Expected::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.bytes[0] > 100_000 && seen.errors[0] > 100
     }),
-    // The receiver's first byte causes an error of the DMA transfer, after which the firmware restarts the ring.
+    // The receiver's first byte causes an error of the DMA transfer. The firmware then restarts the ring.
     row(
         "DMA1 stream 5: ring in CCM RAM",
         &[bits(DMA1_STREAM5 + 0xC, !0, 0x1000_0000)],
@@ -212,7 +212,7 @@ const HORUS_ROWS: &[Row<Sends>] = &[
         |seen| seen.errors == [1, 0, 0] && seen.messages == [11, 11, 11] && on_time(seen),
     ),
     row("DMA1: no clock", &[gate(0x30, 21)], Expected::Finding(REFUSED), |seen| {
-        // Receivers 1 and 2 use DMA1.
+        // DMA1 serves receivers 1 and 2.
         seen.valid[0] == 0 && seen.valid[1] == 0 && seen.valid[2] >= 20 && on_time(seen)
     }),
     row("I2C2: 667 kHz", &[bits(I2C2 + 0x1C, 0xFFF, 18)], Expected::Finding("more than 400 kHz"), |seen| {
@@ -231,7 +231,8 @@ const HORUS_ROWS: &[Row<Sends>] = &[
         off_air_for(seen, "Absent")
     }),
     row("SPI1: 16 bits", &[bits(SPI1, 0x800, 0x800)], Expected::Finding("chip:"), |seen| off_air_for(seen, "Identity")),
-    // Loading a frame takes 7 ms at 281 kHz, so the slot passes. The chip answers, so no fault is reported.
+    // With SPI1 at 281 kHz a frame takes 7 ms to load, so its slot passes. The chip answers, so the firmware reports no
+    // fault.
     row("SPI1: clock divided by 256", &[bits(SPI1, 0x38, 0x38)], Expected::Nothing, |seen| {
         seen.frames.is_empty() && seen.field && seen.skipped >= 23 && seen.faults == 0 && seen.log.contains("HORUS")
     }),
@@ -247,11 +248,11 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("MISO: input", &[bits(GPIOA, 0x3000, 0)], Expected::Nothing, |seen| off_air_for(seen, "Absent")),
     row("chip select: input", &[bits(GPIOD, 0x3000_0000, 0)], Expected::Nothing, |seen| off_air_for(seen, "Absent")),
     row("GPIOA: no clock", &[gate(0x30, 0)], Expected::Finding(REFUSED), |seen| off_air_for(seen, "Absent")),
-    // Port D has the front end's chip select and the first receiver's line.
+    // Two things fail with port D: the front end's chip select, and the line of the first receiver.
     row("GPIOD: no clock", &[gate(0x30, 3)], Expected::Finding(REFUSED), |seen| {
         off_air_for(seen, "Absent") && seen.bytes == [0, 1100, 1100]
     }),
-    // The transfer never completes, and the firmware's time limit ends it.
+    // The DMA transfer never completes, so the firmware's time limit ends it.
     row("DMA2 stream 0: channel 4", &[bits(DMA2_STREAM0, 7 << 25, 4 << 25)], Expected::Nothing, |seen| {
         off_air_for(seen, "Bus")
     }),
@@ -279,12 +280,14 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("DMA2 stream 0: interrupt not enabled", &[never_iser(1, 0x0100_0000)], Expected::Nothing, |seen| {
         seen.frames.is_empty() && seen.watchdog()
     }),
-    // The firmware notices the start of the oscillator and the end of the first frames only after its waits.
+    // Without the front end's interrupt, the firmware detects the start of the oscillator and the end of the first
+    // frames only when its waits are over.
     row("EXTI3: from port D", &[bits(SYSCFG + 8, 0xF000, 0x3000)], Expected::Nothing, late_on_air),
     row("EXTI3: no rising edge", &[bits(EXTI + 8, 8, 0)], Expected::Nothing, late_on_air),
     row("EXTI3: masked", &[bits(EXTI, 8, 0)], Expected::Nothing, late_on_air),
     row("EXTI3: interrupt not enabled", &[never_iser(0, 0x200)], Expected::Nothing, Sends::watchdog),
-    // The firmware reads the pin's level once per cycle, at the tasks' check-in, so half of the frames are sent.
+    // Without the front end's interrupt and without TIM5, the firmware reads the IRQ pin's level only once per cycle,
+    // at the tasks' check-in. Half of the frames are sent.
     row("EXTI3 masked, TIM5 without a clock", &[bits(EXTI, 8, 0), gate(0x40, 3)], Expected::Finding(REFUSED), |seen| {
         (1..=seen.ticks.len() / 2).contains(&seen.frames.len()) && seen.field && seen.faults == 0
     }),
@@ -294,7 +297,7 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("TIM2: prescaler 2", &[bits(TIM2 + 0x28, 0xFFFF, 1)], Expected::Nothing, |seen| {
         seen.period() == 20 * MS && seen.frames.len() == seen.ticks.len() && seen.restarts.is_empty()
     }),
-    // CC1IF is set with the overflow if the compare value is beyond it (RM0090 18.4.5).
+    // CC1IF is set at the overflow if the counter cannot reach the compare value (RM0090 18.4.5).
     row(
         "TIM2: slot beyond the period",
         &[bits(TIM2 + 0x34, !0, 0xF_FFFF)],
@@ -317,9 +320,10 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("FLASH: three wait states", &[bits(FLASH, 0xF, 3)], Expected::Finding("too few wait states"), |seen| {
         seen.log.is_empty() && seen.ticks.is_empty() && !seen.field && seen.watchdog()
     }),
-    // The UART's bit rate is wrong, and I2C is set up for another clock.
+    // With this PLL the UART has a wrong bit rate, and I2C is set up for another clock.
     row("PLL: 100 MHz", &[bits(RCC + 4, 0x7FC0, 100 << 6)], Expected::Finding(I2C_FREQUENCY), |seen| {
-        // I2C and SPI have a clock line, so their receivers are read; the last message may be on its way.
+        // I2C and SPI have a clock line, so HORUS still reads the receivers on them. The last message may be on its
+        // way.
         seen.period() == 14_400_000
             && seen.messages[0] == 0
             && seen.messages[1..].iter().all(|&messages| messages >= 10)
@@ -335,18 +339,18 @@ const HORUS_ROWS: &[Row<Sends>] = &[
         seen.without_crystal && seen.log.contains("the external clock is missing") && seen.period() == 10 * MS
     }),
     row("APB1: divided by 8", &[bits(RCC + 8, 0x1C00, 0x1800)], Expected::Finding(I2C_FREQUENCY), |seen| {
-        // The receivers on I2C and SPI are polled every 20 ms.
+        // HORUS polls the receivers on I2C and SPI every 20 ms.
         seen.period() == 20 * MS && seen.messages == [0, 10, 11]
     }),
     row("APB1: divided by 2", &[bits(RCC + 8, 0x1C00, 0x1000)], Expected::Finding("PCLK1 is faster"), |seen| {
-        // TIM5 also runs twice as fast, so the wait for a frame's end is too short.
+        // With the wrong divider TIM5 runs twice as fast too, so the wait for a frame's end is too short.
         let cut_off = !seen.frames.is_empty() && seen.faults as usize == seen.frames.len();
         seen.period() == 5 * MS && seen.messages == [0, 0, 11] && cut_off && seen.log.contains("radio: NoTransmitEnd")
     }),
     row("IWDG: never reloaded", &[instead(IWDG, 0xAAAA, 0)], Expected::Nothing, |seen| {
         seen.watchdog() && !seen.frames.is_empty() && seen.log.contains("reset: watchdog")
     }),
-    // Without the timer's interrupt receivers 2 and 3 are not polled.
+    // Without the interrupt of the timer HORUS does not poll the receivers 2 and 3.
     row(
         "IWDG: prescaler and reload stay locked, and TIM2's interrupt is not enabled",
         &[instead(IWDG, 0x5555, 0), never_iser(0, 0x1000_0000)],
@@ -361,12 +365,12 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     ),
 ];
 
-/// Whether the field comes on two cycles late, and every later cycle has a frame.
+/// Returns whether the field comes on two cycles late, and every later cycle has a frame.
 fn late_on_air(seen: &Sends) -> bool {
     seen.frames.len() + 2 == seen.ticks.len() && seen.skipped == 2 && seen.faults == 0 && seen.messages == [12, 11, 11]
 }
 
-/// Whether frames leave at the tick instead of the slot 100 µs later, so that every second cycle is refused.
+/// Returns whether frames leave at the tick, and not in the slot 100 µs later, so that every second cycle is refused.
 fn fires_at_every_second_tick(seen: &Sends) -> bool {
     let after = |frame: &u64| seen.ticks.iter().filter(|tick| *tick <= frame).map(|tick| frame - tick).min();
     seen.frames.len() == 12

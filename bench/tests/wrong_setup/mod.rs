@@ -1,9 +1,9 @@
-//! Tests wrong setups: both release programs are patched so that they set a register up wrongly, and must fail as on
-//! silicon.
+//! Tests wrong setups. Both release programs are patched so that they set a register up wrongly, and they must fail as
+//! on silicon.
 //!
-//! Each row changes the value that the firmware writes to one register (see [`rewrite`]). It states the symptom on the
-//! air, on the SSI, in the log, in the telemetry, or a restart, which the original program must not show. It also
-//! states the finding that the models must report, or that they report none because silicon would not.
+//! Each row changes the value that the firmware writes to one register (see [`rewrite`]). It states the symptom, which
+//! the original program must not show: on the air, on the SSI, in the log, in the telemetry, or a restart. It also
+//! states which finding the models must report; there is none where silicon would not detect the fault.
 
 use crate::boards;
 mod dpr;
@@ -25,22 +25,23 @@ use profile::{GpsObject, Identifier, ReportedPosition};
 use reader::{MS, US, View, field_on, payload, send, view};
 use st25r3916_model::AirEvent;
 
-/// Sets the bits of `mask` to `value` in every store to `address`.
+/// Returns a change that sets the bits of `mask` to `value` in every store to `address`.
 const fn bits(address: u32, mask: u32, value: u32) -> Change {
     Change { address, to: To::Bits { mask, value } }
 }
 
-/// Replaces `of` by `value` in stores to `address`.
+/// Returns a change that replaces `of` by `value` in stores to `address`.
 const fn instead(address: u32, of: u32, value: u32) -> Change {
     Change { address, to: To::Instead { of, value } }
 }
 
-/// Omits all stores to `address`.
+/// Returns a change that omits all stores to `address`.
 const fn never(address: u32) -> Change {
     Change { address, to: To::Nothing }
 }
 
-/// Omits the store that sets bit `bit` of the RCC register at `offset` by its bit-band alias (ARMv7-M ARM B3.1.1).
+/// Returns a change that omits the store that sets bit `bit` of the RCC register at `offset` by its bit-band alias
+/// (ARMv7-M ARM B3.1.1).
 const fn gate(offset: u32, bit: u32) -> Change {
     never(0x4247_0000 + 32 * offset + 4 * bit)
 }
@@ -85,7 +86,7 @@ fn check<S: Debug>(rows: &[Row<S>], healthy: &S, run: impl Fn(&[Change]) -> (S, 
     assert!(wrong.is_empty(), "{} of {} rows:\n{}", wrong.len(), rows.len(), wrong.join("\n"));
 }
 
-/// Runs a patch for every row that changes no value, because the stubs themselves must have no effect.
+/// Runs, for every row, a patch that changes no value, because the stubs themselves must have no effect.
 fn control<S: Debug>(rows: &[Row<S>], recording: &Recording, run: impl Fn(&[Change]) -> (S, Vec<String>)) -> Vec<S> {
     let mut all = vec![];
     for row in rows {
@@ -108,7 +109,7 @@ fn words(findings: Vec<Finding>) -> Vec<String> {
 /// The interrupts' enable registers, ARMv7-M ARM B3.4.4.
 const ISER: u32 = 0xE000_E100;
 
-/// Makes the store that enables the interrupts `of` of ISER register `word` enable none.
+/// Returns a change of the store to ISER register `word` that would enable the interrupts `of`. It then enables none.
 const fn never_iser(word: u32, of: u32) -> Change {
     instead(ISER + 4 * word, of, 0)
 }

@@ -15,8 +15,8 @@
 //!
 //! `load` and `ask` return the length of the answer. A negative length is that of an error in words.
 //!
-//! A firmware is packed by [`Firmware::pack`](emulator_node::Firmware::pack). Of WASI's functions the program calls those
-//! that write to standard error, which has the message of a panic. There are no files and no threads.
+//! A firmware is packed by [`Firmware::pack`](emulator_node::Firmware::pack). Of WASI's functions the program calls
+//! those that write to standard error, which has the message of a panic. There are no files and no threads.
 
 mod digest;
 pub mod flight;

@@ -11,7 +11,7 @@ use profile::{
 };
 use proptest::prelude::*;
 
-/// Any bytes do for Port-Status and the uplinks, since the commit task copies them without reading them.
+/// Port-Status and the uplinks may be any bytes here, since the commit task copies them without reading them.
 const PORT: [u8; PortArea::SIZE] = [0x5A; PortArea::SIZE];
 
 struct Album {
@@ -30,7 +30,8 @@ impl Album {
     fn link<const N: usize>(&self) -> LinkValues {
         self.last::<N>().link.expect("Link-Status is intact").values()
     }
-    /// Returns number and timestamp of each object in the newest image, in which all other bytes of HORUS's are zero.
+    /// Returns number and timestamp of each of HORUS's objects in the newest image. All other bytes of HORUS's part
+    /// must be zero.
     fn stamps<const N: usize>(&self) -> Vec<(usize, u32)> {
         let image: &[u8] = bytemuck::cast_slice(self.published.last().expect("an image was published"));
         let shown = (0..=N).filter_map(|index| {
@@ -67,7 +68,7 @@ fn end<const N: usize>(sampled_us: u32, frame: usize) -> u32 {
     sampled_us.wrapping_add(air::age_at_end_us::<N>(frame).expect("a frame of the cycle"))
 }
 
-/// The time from the end of a frame to its commit, µs.
+/// The time from the end of a frame to its commit in these tests, µs.
 const WAITED_US: u32 = 90;
 
 struct Bench<const N: usize> {
@@ -82,7 +83,7 @@ impl<const N: usize> Bench<N> {
         bench.commit.begin(0, &bench.health, &mut bench.album);
         bench
     }
-    /// Returns a bench that is in sequence: the last cycle had timestamp 40 and was sampled at 40 ms.
+    /// Returns a bench whose link is in sequence: the last cycle had timestamp 40 and was sampled at 40 ms.
     fn in_sequence() -> Self {
         let mut bench = Self::new();
         for cycle in 1..=4 {
@@ -96,8 +97,8 @@ impl<const N: usize> Bench<N> {
         let frame = Frame { payload, ended_us, early: &Early::default() };
         self.commit.frame(frame, now_us, &self.health, &mut self.album)
     }
-    /// Sends frame number `frame` of the cycle with this timestamp, which is sampled at `sampled_us`. If `damaged`,
-    /// none of the frame's objects is intact.
+    /// Sends frame number `frame` of the cycle with this timestamp, which is sampled at `sampled_us`. If `damaged` is
+    /// true, none of the frame's objects is intact.
     fn frame(&mut self, timestamp: u32, frame: usize, sampled_us: u32, damaged: bool) -> u32 {
         let sent = profile::<N>(timestamp);
         let mut payload = air::split(&sent).nth(frame).expect("a frame of the cycle").to_vec();
@@ -131,9 +132,9 @@ fn a_profile_lies_in_the_image_as_it_was_sent() {
     assert!(image[468..].iter().all(|&byte| byte == 0));
     let link = bench.album.link::<3>();
     assert_eq!(link.status, LinkStatusBits::new().with_link_up(true).with_all_accepted(true));
-    // The sample is taken at 50 ms. The last bit comes 4.915 ms later, and the commit another 0.09 ms later.
+    // The frame's last bit comes 4.915 ms after its sample at 50 ms, and the commit another 0.09 ms later.
     assert_eq!((link.timestamp, link.age_100us), (55, 50));
-    // Three cycles of four objects each are rejected while the sequence is searched for.
+    // The counts include three cycles of four objects each, which were rejected before the sequence was found.
     let counters = [link.objects_accepted, link.objects_rejected, link.frames_received, link.frames_missed];
     assert_eq!(counters, [8, 12, 5, 0]);
 }
@@ -162,7 +163,7 @@ fn silence_takes_everything_out_of_the_image_and_keeps_counting() {
     assert_eq!(bench.album.shown::<2>(), []);
     let link = bench.album.link::<2>();
     assert!(!link.status.link_up() && !link.status.all_accepted() && !link.status.out_of_sequence());
-    // The last bit comes 3.922 ms after the sample, and the image another 22.5 ms later.
+    // The frame's last bit comes 3.922 ms after its sample, and the image of the deadline another 22.5 ms later.
     assert_eq!((link.frames_missed, link.age_100us), (2, 262));
     bench.frame(70, 0, 70_000, false);
     assert_eq!(bench.album.shown::<2>(), [0, 1, 2]);
@@ -180,7 +181,7 @@ fn an_image_that_must_not_be_shown_is_replaced_at_once() {
     let link = bench.album.link::<3>();
     assert!(link.status.ram_fault() && !link.status.link_up());
     assert_eq!((bench.commit.deadline_us(), bench.missed()), (deadline_us, 0));
-    // The cycle after the lost one needs no new search for the sequence.
+    // After one lost cycle the link is still in sequence, so the next cycle is accepted at once.
     bench.frame(50, 0, 50_000, false);
     assert_eq!(bench.album.shown::<3>(), [0, 1, 2, 3]);
 }
@@ -197,7 +198,7 @@ fn is_not_withdrawn_while_a_frame_is_due<const N: usize>() {
         let mut bench = Bench::<N>::in_sequence();
         assert_eq!(bench.commit.withdraw(at_us, &Health::default(), &mut bench.album), withdrawn, "{at_us}");
         assert_eq!(bench.album.published.len(), usize::from(withdrawn));
-        // If no frame comes, the deadline's image replaces the damaged one.
+        // If no frame comes, the deadline publishes the image that replaces the damaged one.
         assert!(bench.check(due_us + 2_500 + end::<N>(0, air::frames(N) - 1) - end::<N>(0, 0)));
         assert_eq!(bench.album.shown::<N>(), []);
     }
@@ -208,7 +209,7 @@ fn an_image_is_not_withdrawn_while_a_frame_is_due() {
     is_not_withdrawn_while_a_frame_is_due::<1>();
     is_not_withdrawn_while_a_frame_is_due::<3>();
     is_not_withdrawn_while_a_frame_is_due::<5>();
-    // No frame is due before the first cycle, nor while the current cycle's second frame is missing.
+    // Before the first cycle, and once the second frame of a cycle was missed, no frame is due.
     let mut bench = Bench::<5>::new();
     assert!(bench.commit.withdraw(FRAME_DEADLINE_US - 2_500, &Health::default(), &mut bench.album));
     let mut bench = Bench::<5>::in_sequence();
@@ -289,7 +290,8 @@ fn the_deadline_counts_from_the_end_of_the_frame() {
 
 #[test]
 fn a_frame_and_a_deadline_give_the_same_images_in_either_order() {
-    // The frame ends this many µs after the deadline. From 0 on it is late, so an image without objects comes first.
+    // The frame ends this many µs after the deadline. From 0 on the frame is late, so an image without objects comes
+    // first.
     for after_us in [-1_i32, 0, 1, 150] {
         let mut images = Vec::new();
         for timer_first in [false, true] {
@@ -362,7 +364,7 @@ fn the_wrap_of_the_counter_is_no_break() {
 #[test]
 fn a_silence_as_long_as_the_counter_is_no_cycle() {
     let mut bench = Bench::<1>::in_sequence();
-    // The 32-bit counter of µs has wrapped once and gone one cycle further since the last sample.
+    // Since the last sample the 32-bit counter of µs has wrapped once and gone one cycle further.
     for _ in 0..4_294 {
         let now_us = bench.commit.deadline_us().wrapping_add(987_500);
         assert!(bench.check(now_us));
@@ -423,7 +425,7 @@ fn a_damaged_first_frame_whose_second_is_lost_shows_nothing() {
 fn a_damaged_first_frame_is_not_joined_with_another_cycles_second() {
     let mut bench = Bench::<5>::in_sequence();
     bench.frame(50, 0, 50_000, true);
-    // The deadline was not checked between the two frames.
+    // The deadline of the cycle's second frame passes, but is only checked when the next frame comes.
     assert_eq!(bench.frame(60, 1, 60_000, false), 2);
     assert_eq!((bench.album.shown::<5>(), bench.missed()), (vec![3, 4, 5], 2));
 }
@@ -467,7 +469,7 @@ fn five_receivers_a_lost_first_frame_costs_its_own_objects_only() {
 fn five_receivers_the_halves_of_two_cycles_are_never_shown_together() {
     let mut bench = Bench::<5>::in_sequence();
     bench.frame(50, 0, 50_000, false);
-    // Both frames between the two received ones were lost, and the deadline was checked late.
+    // The second frame of one cycle and the first frame of the next were lost, and the deadline was checked late.
     assert_eq!(bench.frame(60, 1, 60_000, false), 2);
     assert_eq!(bench.album.published.len(), 2);
     assert_eq!(bench.album.shown::<5>(), [3, 4, 5]);
@@ -515,7 +517,7 @@ fn five_receivers_a_damaged_first_frame_is_not_repeated_either() {
     assert_eq!(bench.album.shown::<5>(), []);
 }
 
-/// A frame that was sent, and the instant of its end. The images that must be shown follow from all such frames.
+/// A frame that was sent, and the instant of its end. The test derives from all such frames which images must be shown.
 struct Sent {
     second: bool,
     /// The timestamps of the frame's intact objects, with the number of each object in the profile.
@@ -573,7 +575,7 @@ fn may_be_shown(sent: &[Sent], number: usize) -> Vec<(usize, u32)> {
     }
 }
 
-/// Returns what the newest image shows at the instant `now`. This depends on the last frame before `now`.
+/// Returns what the newest image shows at the instant `now`, which depends on the last frame before `now`.
 fn newest(sent: &[Sent], receivers: usize, now: i128) -> Vec<(usize, u32)> {
     let Some(number) = sent.iter().rposition(|frame| frame.ended_us <= now) else { return Vec::new() };
     let (frame, passed) = (&sent[number], now - sent[number].ended_us);
@@ -602,8 +604,8 @@ fn newest(sent: &[Sent], receivers: usize, now: i128) -> Vec<(usize, u32)> {
     with_it.into_iter().chain(alone).collect()
 }
 
-/// Returns what the image shows that is newest when the first frame `number` ends. If the frame before it was a first
-/// frame too, that frame's image is published now.
+/// Returns what the newest image shows when the first frame `number` ends. If the frame before it was a first frame
+/// too, the image of that frame is published now.
 fn before(sent: &[Sent], receivers: usize, number: usize) -> Vec<(usize, u32)> {
     let Some(previous) = number.checked_sub(1) else { return Vec::new() };
     let passed = sent[number].ended_us - sent[previous].ended_us;
@@ -623,7 +625,8 @@ fn images_are_as_the_definition_says<const N: usize>(start_us: u32, steps: &[Ste
     let (mut timestamp, mut sampled_us) = (u32::MAX - 300, origin);
     let mut now = origin;
     for &(kind, number, hits) in steps {
-        // In most steps HORUS keeps its cycle. In the others its timestamp, its clock or the channel has a fault.
+        // In most steps HORUS's cycles come in order. In the others the timestamp, HORUS's clock or the channel has a
+        // fault.
         let (ms, us) = match kind {
             0..=19 => (10, 10_000),
             20 | 21 => (10, 9_500 + i128::from(number % 1_002)),
@@ -639,7 +642,8 @@ fn images_are_as_the_definition_says<const N: usize>(start_us: u32, steps: &[Ste
         (timestamp, sampled_us) = (timestamp.wrapping_add(ms), sampled_us + us);
         let profile = profile::<N>(timestamp);
         for (frame, payload) in air::split(&profile).enumerate() {
-            // A frame is lost or damaged, or a second frame belongs to another cycle.
+            // The case's random number decides the fate of each frame: it may be lost, damaged, or the second frame of
+            // another cycle.
             if number >> 8 & 0xF == frame as u32 + 1 {
                 continue;
             }
@@ -664,7 +668,7 @@ fn images_are_as_the_definition_says<const N: usize>(start_us: u32, steps: &[Ste
             if ended <= now {
                 continue;
             }
-            // The deadline is checked in time, or late, or only when the next frame comes.
+            // The random number also decides whether the deadline is checked in time or only when the next frame comes.
             if number >> 20 & 0x3 != 0 {
                 let mut deadline = now;
                 while deadline < ended {

@@ -1,9 +1,9 @@
 //! Limits how much processor time the second port may use.
 
-/// The calls and SPI bytes that the second port may still use in the present window of [`Budget::WINDOW_US`].
+/// The calls and SPI bytes that the second port has used in the present window of [`Budget::WINDOW_US`].
 ///
-/// On the bench a window takes 60 calls and 500 bytes while the hold keeps to its period, and 101 calls if the chip is
-/// brought up in it.
+/// On the bench, a window takes 60 calls and 500 bytes while the hold keeps to its period. A window in which the chip
+/// is brought up takes 101 calls.
 #[derive(Clone, Copy, Debug)]
 pub struct Budget {
     window_us: u32,
@@ -12,28 +12,28 @@ pub struct Budget {
     resting: bool,
 }
 
-/// What a call of one of the second port's tasks may do.
+/// What a task of the second port may do when it is called.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Turn {
-    /// Work as usual.
+    /// The second port may work as usual.
     Work,
-    /// Work as usual; this is the first call of a window.
+    /// The second port may work as usual, and this is the first call of a window.
     Begin {
-        /// Whether the port was resting before this call.
+        /// Whether the second port was resting before this call.
         rested: bool,
     },
-    /// Stop working: this call has found the budget used up.
+    /// The second port stops working, because this call has found the budget used up.
     Rest,
-    /// Do nothing: the budget is used up, and the window is not over.
+    /// The second port does nothing, because the budget is used up and the window is not over.
     Resting,
 }
 
 impl Budget {
-    /// The length of a window, µs: the hold's period.
+    /// The length of a budget's window, µs: the hold's period.
     pub const WINDOW_US: u32 = 1_000 * profile::hold::PERIOD_MS;
-    /// The most calls of the port's tasks in a window. Calls that only make a task check in count, too.
+    /// The most calls of the second port's tasks in a window. A call that only makes a task check in counts too.
     pub const CALLS: u32 = 150;
-    /// The number of SPI bytes in a window after which the port does no more work in that window.
+    /// The SPI bytes of a window after which the second port does no more work in that window.
     pub const BYTES: u32 = 1_500;
 
     /// Returns the budget of a window that begins at `now_us`.

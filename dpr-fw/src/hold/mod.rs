@@ -46,29 +46,29 @@ use st25r3916::{answerer::EARLIEST_US, Short};
 
 use crate::rf::LEAD;
 
-/// The time from the end of the hold's frame, as the chip reports it, to the transmit command of the answer, µs.
+/// The time from the end of the hold's frame, as the chip reports it, to the answer's transmit command, µs.
 ///
-/// In this time the DPR reads and checks the frame and loads the answer's first bytes, which takes 0.3 ms. HORUS's
-/// tasks have higher priorities and take 0.6 ms in each cycle.
+/// In this time the DPR reads and checks the hold's frame, and loads the answer's first bytes. That takes 0.3 ms.
+/// HORUS's tasks have higher priorities and take 0.6 ms in each cycle.
 pub const ANSWER_US: u32 = 2_000;
 const _: () = assert!(ANSWER_US >= EARLIEST_US && ANSWER_US + 100 <= ANSWER_WINDOW_US);
 
 /// The memory of an answer. Before the answer are [`LEAD`] bytes and a byte for the load command.
 pub type AnswerMemory = [u32; (LEAD + 1 + Answer::SIZE) / 4];
 
-/// The memory that the second port's SPI accesses, except the receive buffers.
+/// The memory that DMA reaches for the second port's SPI, except the receive buffers.
 #[derive(Debug)]
 pub struct SpiMemory {
-    /// The bytes of a short transfer, or the read command.
+    /// The bytes that a short transfer sends, or the command of a read.
     pub tx: [u8; Short::MAX],
-    /// The bytes that a short transfer receives.
+    /// The bytes that come in during a short transfer.
     pub rx: [u8; Short::MAX],
     /// The answer that is sent.
     pub answer: AnswerMemory,
 }
 
 impl SpiMemory {
-    /// Zeros, for the start.
+    /// The memory at the start, all zeros.
     pub const NEW: Self = Self { tx: [0; Short::MAX], rx: [0; Short::MAX], answer: [0; (LEAD + 1 + Answer::SIZE) / 4] };
 }
 

@@ -1,4 +1,4 @@
-//! Receives the hold's frames and answers them: the common code of the second port's three tasks.
+//! Receives the hold's frames and answers them. All three tasks of the second port run this code.
 
 use core::borrow::{Borrow, BorrowMut};
 
@@ -16,16 +16,16 @@ use crate::{
     ReceiveMemory,
 };
 
-/// The hardware that the second port needs in addition to that of a port that only receives.
+/// The hardware of the second port, which does more than a port that only receives.
 pub trait AnswerPort: FrontEndPort {
-    /// Returns the value of the timer that also gives [`FrontEndPort::irq_edge_us`], µs.
+    /// Returns the present value, µs, of the timer that also captures [`FrontEndPort::irq_edge_us`].
     fn now_us(&mut self) -> u32;
     /// Copies the answer to where the driver loads it from. It is never called during a load.
     fn put(&mut self, answer: &Answer);
-    /// Sets up the transfer of [`Answerer::transmit`], which the timer starts at counter value `at_us`. The executor's
-    /// next transfer is this one. Returns false, and starts nothing, if that instant has passed.
+    /// Sets up the transfer of [`Answerer::transmit`], which the executor starts next. The timer starts it at counter
+    /// value `at_us`. Returns false, and sets nothing up, if that instant has passed.
     fn arm(&mut self, at_us: u32) -> bool;
-    /// Makes sure that the timer starts no transfer within the next 71 minutes, unless an answer is armed.
+    /// Keeps the timer from starting a transfer within the next 71 minutes, unless an answer is armed.
     fn park(&mut self);
     /// Masks every interrupt by which the front end calls a task.
     fn rest(&mut self);
@@ -33,11 +33,11 @@ pub trait AnswerPort: FrontEndPort {
     fn wake(&mut self);
     /// Returns the number of SPI bytes of the transfers that were started since the last call.
     fn take_carried(&mut self) -> u32;
-    /// Whether a transfer could not be stopped, so that the SPI may still access its buffers.
+    /// Whether a transfer could not be stopped. If so, the SPI may still access its buffers.
     fn is_broken(&self) -> bool;
 }
 
-/// A resource of one task, accessed through the interface of a shared one but without a lock.
+/// A resource that only one task uses. It has the interface of a shared resource, but no lock.
 struct Alone<'a, T>(&'a mut T);
 
 impl<T> Mutex for Alone<'_, T> {
@@ -48,7 +48,7 @@ impl<T> Mutex for Alone<'_, T> {
     }
 }
 
-/// What is kept about a frame in addition to its bytes: the number of payload bytes.
+/// What is kept about a frame of the hold besides its bytes: the number of payload bytes.
 type Length = usize;
 
 /// The driver, the receive buffers and the budget of the second port.
@@ -57,7 +57,7 @@ pub struct Responder<P: AnswerPort> {
     executor: Executor<Answerer, P>,
     rotation: Rotation<P::Buffer, Length>,
     budget: Budget,
-    /// The port's counter at the end of the last frame, µs.
+    /// The value of the port's counter at the end of the last frame, µs.
     ended_us: u32,
 }
 
@@ -67,7 +67,7 @@ where
 {
     /// Starts to bring up the front end.
     pub fn start(port: P, rotation: Rotation<P::Buffer, Length>, now_us: u32) -> Self {
-        // A frame is short, so it is read after its end, which takes fewer calls.
+        // The hold's frame is short, so it is read after its end in one piece, which takes fewer calls.
         let config = ListenerConfig { read_mode: ReadMode::StoreAndForward, ..ListenerConfig::new() };
         let mut executor = Executor::new(Answerer::new(config), port);
         let event = executor.resume();
@@ -109,7 +109,7 @@ where
         telemetry.bytes_most.record_max(bytes);
     }
 
-    /// Handles every event of the driver. Returns `None` if the port is broken.
+    /// Handles every event of the driver. Returns `None` if the second port is out of use.
     fn drive(
         &mut self,
         mut shared: impl Mutex<T = Shared>,
@@ -147,7 +147,7 @@ where
         }
     }
 
-    /// Checks a frame, and begins an answer if the frame is accepted.
+    /// Checks a frame of the hold. If the frame is accepted, begins an answer.
     fn frame(
         &mut self,
         len: usize,
@@ -171,8 +171,8 @@ where
         let begin = LEAD + st25r3916::listener::PAYLOAD_OFFSET;
         let payload = bytes.get(begin..begin + received.about()).unwrap_or(&[]);
         let judged = shared.lock(|shared| {
-            // The lock comes first: otherwise the task `port` could have advanced the shared clock beyond this
-            // `now_us`.
+            // The lock is taken before `now_us` is read. Otherwise the task `port` could advance the shared clock
+            // beyond `now_us`.
             let (now_us, since_us) = (now_us(), executor.port().now_us().wrapping_sub(*ended_us));
             shared.receive(payload, now_us.wrapping_sub(since_us), now_us)
         });
@@ -190,8 +190,7 @@ where
         })
     }
 
-    /// Makes the timer start the answer whose first bytes are loaded. If it is too late for that, the answer is
-    /// dropped.
+    /// Makes the timer start the answer whose first bytes are loaded. If the instant has passed, the answer is dropped.
     fn loaded(&mut self, telemetry: &HoldTelemetry) -> Option<AnswererEvent> {
         let port = self.executor.port();
         if !port.arm(self.ended_us.wrapping_add(ANSWER_US)) {
@@ -203,7 +202,7 @@ where
         self.executor.go_on(|_| Step::Transfer(Transfer::Short(Answerer::transmit())))
     }
 
-    /// Replaces the buffer into which a frame may have been written by a clean one.
+    /// Gives up a buffer into which a frame may have been written, and goes on with a clean one.
     fn replace_buffer(&mut self, telemetry: &HoldTelemetry) {
         let Self { executor, rotation, .. } = self;
         executor.port().exchange(|begun| {

@@ -19,12 +19,12 @@ pub const SHOWN: usize = if cfg!(feature = "hold") { HoldObject::SIZE } else { 0
 pub struct Area {
     /// Port-Status and both uplinks.
     pub port: PortArea,
-    /// The hold's object, or zeros if it is not valid.
+    /// The bytes of the hold's object, or zeros if the object is not valid.
     pub hold: [u8; SHOWN],
 }
 
 impl Area {
-    /// Zeros. No object in them has a right CRC.
+    /// An area of zeros, in which no object has a right CRC.
     pub const EMPTY: Self = Self { port: PortArea::EMPTY, hold: [0; SHOWN] };
 
     /// Copies the area into `map`, which has the objects of `N` receivers.
@@ -106,8 +106,8 @@ impl Shared {
         }
     }
 
-    /// Returns the answer at `now_us`: each uplink, or zeros if it was stored too long ago. Their CRCs are not checked
-    /// here.
+    /// Returns the answer at `now_us`: each uplink, or zeros if it was stored too long ago. The uplinks' CRCs are not
+    /// checked here.
     #[must_use]
     pub fn answer(&mut self, now_us: u32) -> Answer {
         self.clock.advance(now_us);
@@ -127,7 +127,7 @@ impl Shared {
     }
 }
 
-/// Replaces each uplink in `answer` that is not intact by zeros.
+/// Replaces each uplink in `answer` by zeros, unless it is intact.
 pub(super) fn intact(mut answer: Answer) -> Answer {
     if answer.uplink::<BaseStation>().is_err() {
         answer.set_uplink(Writer::<BaseStation>::claim(), Uplink::EMPTY);

@@ -22,7 +22,7 @@ firmware_common::counters! {
         faults,
         /// How often the front end began to listen after a bring-up.
         bring_ups,
-        /// Windows of the [`Budget`](super::Budget) in which it was used up.
+        /// Windows of the [`Budget`](super::Budget) in which the budget was used up.
         rests,
         /// Frames that were dropped because no cleared buffer was left.
         overruns,
@@ -32,13 +32,13 @@ firmware_common::counters! {
         scrub_faults,
         /// Receive buffers that were taken out of use because of stuck bits.
         buffers_out_of_use,
-        /// 1 if the port is out of use because its SPI did not stop, otherwise 0.
+        /// 1 if the second port is out of use because its SPI did not stop, otherwise 0.
         out_of_use,
         /// The most calls of the port's tasks in a window of the budget.
         calls_most,
         /// The most bytes on the port's SPI in a window of the budget.
         bytes_most,
-        /// The longest run of a task of the port, processor cycles, including the tasks that preempted it.
+        /// The longest run of a task of the second port, processor cycles, including the tasks that preempted it.
         worst_cycles,
         /// The longest time from the end of a frame until the answer was armed, µs.
         armed_worst_us,
@@ -46,7 +46,7 @@ firmware_common::counters! {
 }
 
 impl HoldTelemetry {
-    /// Counts the result of scrubs.
+    /// Counts what scrubs have found.
     pub fn scrubbed(&self, found: Scrubbed) {
         self.scrubs.add(found.buffers);
         self.scrub_faults.add(found.stuck_bits);

@@ -22,7 +22,8 @@ fn object(timestamp: u32) -> HoldStatus {
     HoldStatus::seal(Writer::<ActiveLoad>::claim(), &HoldValues::absent(timestamp))
 }
 
-/// Calls the budget every `every_us` from `from_us` to `until_us`. Returns for how many calls the port may work.
+/// Calls the budget every `every_us` from `from_us` to `until_us`. Returns the number of calls at which the port may
+/// work.
 fn flood(budget: &mut Budget, from_us: u32, until_us: u32, every_us: usize) -> u32 {
     let works = |at_us| matches!(budget.call(at_us), Turn::Work | Turn::Begin { .. });
     (from_us..until_us).step_by(every_us).map(works).map(u32::from).sum()
@@ -67,7 +68,7 @@ fn bytes_without_end_make_the_port_rest() {
     assert_eq!(budget.spent(), (1, Budget::BYTES));
 }
 
-/// Returns the hold's bits of Port-Status at `now_us`: heard, accepted, and both counts.
+/// Returns the hold's bits of Port-Status at `now_us`: whether a frame was heard and accepted, and both counts.
 fn bits(shared: &mut Shared, now_us: u32) -> (bool, bool, u8, u8) {
     let status = shared.show(now_us, &mut [0; SHOWN]);
     (status.hold_heard(), status.hold_accepted(), status.hold_objects_accepted(), status.hold_objects_rejected())
@@ -93,7 +94,7 @@ fn the_image_shows_the_object_of_the_hold_for_300_ms() {
     shared.show(1_000, &mut place);
     assert_eq!(place, [0; SHOWN]);
     shared.receive(object(100).as_bytes(), 9_000, 9_100).unwrap();
-    // A rejected frame must not change the object.
+    // A frame that is rejected must not change the hold's object.
     shared.receive(&[0x5A; 64], 20_000, 20_000).unwrap_err();
     shared.show(308_999, &mut place);
     assert_eq!(&place, object(100).as_bytes());
@@ -115,7 +116,7 @@ fn the_hold_gets_each_uplink_as_it_was_stored_for_a_second() {
     shared.keep::<BaseStation>(&base_station, Some(STORED_US));
     assert_eq!(parts(&mut shared, 2_000_100), (Some(base_station), None));
     shared.keep::<FlightController>(&flight_controller, Some(STORED_US + 10));
-    // The DPR empties the store of an uplink after 500 ms. The copy for the hold must stay.
+    // The DPR's own store of an uplink is emptied after 500 ms. The copy for the hold must stay.
     shared.keep::<BaseStation>(&Uplink::EMPTY, Some(STORED_US));
     let last_us = 2_000_000 + 1_000 * COMMAND_AGE_MS;
     assert_eq!(parts(&mut shared, last_us), (Some(base_station), Some(flight_controller)));
@@ -134,7 +135,7 @@ fn an_uplink_that_memory_has_damaged_becomes_zeros() {
     let answer = intact(shared.answer(1));
     assert_eq!(answer.as_bytes()[..64], [0; 64]);
     assert_eq!(answer.as_bytes()[64..], *good.as_bytes());
-    // An intact uplink of the wrong writer must not count as intact.
+    // An uplink of the wrong writer is intact, but must be replaced by zeros in the answer.
     shared.keep::<FlightController>(&Uplink::seal(BASE, &VALUES), Some(2));
     assert_eq!(intact(shared.answer(3)), profile::hold::Answer::EMPTY);
 }

@@ -99,7 +99,7 @@ impl OutputPin for HoldSelect {
 
 pub(crate) struct Answers {
     memory: &'static mut AnswerMemory,
-    /// The value of TIMER4 at which the armed transfer starts; `None` without one.
+    /// The value of TIMER4 at which the armed transfer starts; `None` if none is armed.
     armed: Option<u32>,
     carried: u32,
     broken: bool,
@@ -114,7 +114,7 @@ impl Answers {
 impl Sends for Answers {
     fn load(&mut self, offset: usize, len: usize) -> Option<&[u8]> {
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(self.memory.as_mut_slice());
-        // The load command overwrites the byte before the data: one that was loaded before, or the first byte of the
+        // The load command overwrites the byte before the data. That byte was loaded before, or is the first of the
         // memory.
         let place = bytes.get_mut(LEAD + offset..LEAD + offset + 1 + len)?;
         place[0] = command::FIFO_LOAD;
@@ -164,7 +164,8 @@ impl AnswerPort for HoldPort {
         // SAFETY: the compare register takes any value.
         self.timer.cc[HOLD_ANSWER_COMPARE].write(|w| unsafe { w.bits(at_us) });
         if is_passed(0) && self.timer.events_compare[HOLD_ANSWER_COMPARE].read().bits() == 0 {
-            // A preemption was longer than the time that was left: the counter had passed the value before it was set.
+            // The task was preempted until the counter had passed the compare value, so the timer will not start the
+            // transfer in time.
             park();
             self.finish();
             return false;
@@ -212,7 +213,7 @@ impl HoldEdge {
         Self(egu)
     }
 
-    /// Clears the interrupt. No edge is lost by that, because the driver reads the level of the pin.
+    /// Clears the interrupt of the IRQ's edge. No edge is lost, because the driver reads the level of the pin.
     pub(crate) fn clear(&mut self) {
         take_event!(self.0.events_triggered[0]);
     }

@@ -1,4 +1,4 @@
-//! The image that the flight controller reads at present, for the idle loop, which verifies it.
+//! The image that the flight controller reads at present. The idle loop verifies it through this module.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -7,11 +7,11 @@ use firmware_common::memory;
 
 /// The address of the image buffer that the SSI streams; 0 before the first image.
 static ADDRESS: AtomicU32 = AtomicU32::new(0);
-/// The number of images that the SSI has streamed so far, without 0 when it wraps.
+/// The number of images that the SSI has streamed so far. When it wraps, it skips 0.
 static GENERATION: AtomicU32 = AtomicU32::new(0);
 
-/// Records that the SSI task has taken another image. To be called before the previous image's buffer can be scrubbed,
-/// so that a reader that finds the same generation before and after has read one image.
+/// Records that the SSI task has taken another image. To be called before the previous image's buffer can be scrubbed.
+/// A reader that finds the same generation before and after its reads has then read a single image.
 #[inline]
 pub(super) fn shown(image: &ImageMemory) {
     ADDRESS.store(image.as_ptr() as u32, Ordering::Relaxed);
@@ -28,7 +28,7 @@ impl Shown for ShownImage {
         GENERATION.load(Ordering::SeqCst)
     }
 
-    /// Loads the words in assembly, since a reference would promise that no other task changes them.
+    /// Loads the words in assembly, because a reference would promise that no other task changes them.
     fn copy(&self, first: usize, words: &mut [u32]) {
         let image = ADDRESS.load(Ordering::Relaxed);
         for (word, index) in words.iter_mut().zip(first..IMAGE_WORDS) {

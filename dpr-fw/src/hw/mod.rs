@@ -108,7 +108,7 @@ pub(crate) struct Board {
     /// The port and the IRQ edge of the hold's front end.
     #[cfg(feature = "hold")]
     pub(crate) hold: (hold::HoldPort, HoldEdge),
-    /// The watchdog; `None` if something else has configured the watchdog, which then has to feed it.
+    /// The watchdog. `None` if other code has configured the watchdog, and so has to feed it.
     pub(crate) watchdog: Option<WatchdogHandle<Hdl0>>,
     pub(crate) reset_reason: ResetReason,
     pub(crate) debug_port: DebugPort,
@@ -137,10 +137,11 @@ pub(crate) fn init(
     memory: DmaMemory,
     receive: Filling<ReceiveBuffer>,
 ) -> Board {
-    // The debug port is opened first, so that a debugger can connect even if the firmware stops early.
+    // Opening the debug port comes first, so that a debugger can connect even if the firmware stops early.
     let debug_port = nrf52840::open_debug_port(&p.FICR, &p.UICR);
 
-    // The watchdog runs: the first instructions started it, or it was running before a soft reset or a lockup.
+    // The watchdog runs already: the first instructions have started it, or it was running before a soft reset or a
+    // lockup.
     let watchdog = Watchdog::try_recover::<One>(p.WDT).ok().map(|parts| parts.handles.0);
 
     let reset_reason = nrf52840::reset_reason();
@@ -219,10 +220,10 @@ fn POWER_CLOCK() -> ! {
     stop_for_supply()
 }
 
-/// Takes the SSI's buffers back, so that the flight controller reads 0xFF. A transaction under way still ends with its
-/// image. Before the SSI is set up, every transaction reads 0xFF anyway.
+/// Takes the SSI's buffers back, so that the flight controller reads 0xFF. A transaction in progress still ends with
+/// its image. Before the SSI is set up, every transaction reads 0xFF anyway.
 pub(crate) fn safe_state() {
-    // From here on no timer starts an answer to the hold.
+    // Stopping the timer comes first, so that no further answer to the hold starts.
     #[cfg(feature = "hold")]
     hold::stop();
     if SsiDoorbell::is_enabled() {

@@ -1,6 +1,6 @@
 //! Drives a front end's SPI (a SPIM), chip select, IRQ pin and timer.
 //!
-//! HORUS's front end and the hold's front end have one [`Port`] each; [`Wiring`] says in what the two differ.
+//! HORUS's front end and the hold's front end have one [`Port`] each. [`Wiring`] covers the differences.
 
 use core::{
     convert::Infallible,
@@ -38,7 +38,7 @@ impl RfEdge {
         Self(gpiote)
     }
 
-    /// Clears the interrupt. No edge is lost by that, because the driver reads the level of the pin.
+    /// Clears the interrupt of the IRQ's edge. No edge is lost, because the driver reads the level of the pin.
     pub(crate) fn clear(&mut self) {
         let channel = self.0.channel0();
         take_event!(*channel.event());
@@ -47,7 +47,7 @@ impl RfEdge {
 
 pub(crate) trait Wiring {
     type Spim: spim::Instance;
-    /// The timer for the driver's delays and for the time of the IRQ's edge, which counts µs.
+    /// The timer for the driver's delays, which also takes the time of the IRQ's edge. It counts µs.
     type Timer: timer::Instance;
     type Select: OutputPin<Error = Infallible>;
     type Sends: Sends;
@@ -55,24 +55,25 @@ pub(crate) trait Wiring {
     fn now_us() -> u32;
 }
 
-/// The bytes that a front end sends over the air, and the timer that may start their transfer.
+/// The bytes that a front end sends over the air, and the timer that may start sending them.
 pub(crate) trait Sends {
     /// Puts the FIFO load command before the `len` bytes at `offset` of the bytes to send. Returns the command with
     /// these bytes, or `None` if they do not exist.
     fn load(&mut self, offset: usize, len: usize) -> Option<&[u8]>;
-    /// Whether a timer, not the port, starts the present transfer, which is then already set up.
+    /// Whether the present transfer is already set up, and a timer starts it instead of the port.
     fn is_armed(&self) -> bool;
     /// Counts the bytes of a transfer.
     fn carries(&mut self, bytes: usize);
-    /// Is called when the present transfer has ended or is about to be stopped. No timer may start it afterwards.
+    /// Called when the present transfer has ended or is about to be stopped. After that, no timer may start that
+    /// transfer.
     fn disarm(&mut self);
-    /// Returns the time limit, counted from `now_us`, of a transfer that may take `us` from its start.
+    /// Returns the time limit of a transfer that may take `us` from its start. The limit counts from `now_us`.
     fn limit_us(&self, us: u32, now_us: u32) -> u32;
-    /// Is called if the SPIM does not stop. Its buffers are never released then, because it may still write to them.
+    /// Is called if the SPIM does not stop. The SPIM may still write to its buffers, so they are never released.
     fn does_not_stop(&mut self);
 }
 
-/// The wiring of HORUS's front end, which sends nothing.
+/// HORUS's front end, which sends nothing.
 pub(crate) struct Horus;
 
 impl Wiring for Horus {
@@ -111,7 +112,8 @@ enum Transfer {
     Short {
         len: usize,
     },
-    /// A read of the FIFO. It overwrites the byte before `offset` in the buffer, which had the value `kept`.
+    /// A read of the FIFO. The chip's first byte overwrites the byte before `offset` in the buffer, whose value was
+    /// `kept`.
     Read {
         offset: usize,
         len: usize,
@@ -154,7 +156,8 @@ impl<W: Wiring> Port<W> {
         // SAFETY: the selector is that of the MISO pin, which `pins` owns.
         spim.psel.miso.write(|w| unsafe { w.bits(pins.miso.psel_bits()) });
         spim.frequency.write(|w| w.frequency().m8());
-        // The SPIM works in mode 1: the clock is low between transfers, and data are taken at the trailing edge.
+        // SPIM0 and SPIM2 work in SPI mode 1: the clock is low between transfers, and data are taken at the trailing
+        // edge.
         spim.config.write(|w| w.order().msb_first().cpha().trailing().cpol().active_high());
         // SAFETY: any byte may be sent beyond the end of the transmit buffer.
         spim.orc.write(|w| unsafe { w.orc().bits(0) });
@@ -176,7 +179,7 @@ impl<W: Wiring> Port<W> {
         }
     }
 
-    /// Sets the SPIM up to send `send` bytes from `from` and to receive `receive` bytes at `into`, and selects the
+    /// Sets the SPIM up to send `send` bytes from `from` and to receive `receive` bytes at `into`. Then selects the
     /// chip.
     ///
     /// # Safety
@@ -195,7 +198,7 @@ impl<W: Wiring> Port<W> {
         self.spim.events_end.reset();
         self.sends.carries(send.max(receive));
         self.running = true;
-        // The fence lets no write to a buffer move behind the start of the DMA.
+        // The fence keeps the compiler from moving a write to a buffer behind the start of the DMA.
         compiler_fence(Ordering::SeqCst);
         let Ok(()) = self.pins.select.set_low();
     }
@@ -251,7 +254,7 @@ impl<W: Wiring> executor::Port for Port<W> {
         let Some(receive) = &mut self.receive else { return false };
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(receive.memory().as_mut_slice());
         let place = LEAD + offset - 1;
-        // The slice has one byte before the data, for the byte that the chip returns under the command.
+        // The slice begins one byte before the data, where the byte goes that the chip returns during the command.
         let into = &mut bytes[place..place + 1 + len];
         self.transfer = Transfer::Read { offset, len, kept: into[0] };
         self.tx[0] = command::FIFO_READ;
@@ -274,7 +277,8 @@ impl<W: Wiring> executor::Port for Port<W> {
     fn response(&self) -> Result<&[u8], Failed> {
         let received = usize::from(self.spim.rxd.amount.read().amount().bits());
         match (self.transfer, &self.receive) {
-            // A load, which only the second port makes, receives nothing. RXD.AMOUNT may then keep its former value.
+            // A load of the FIFO, which only the second port makes, receives no bytes. RXD.AMOUNT may then keep an
+            // earlier count, so it is not compared.
             (Transfer::Short { len: 0 }, _) if cfg!(feature = "hold") => Ok(&[]),
             (Transfer::Short { len }, _) if received == len => Ok(&self.rx[..len]),
             (Transfer::Read { offset, len, .. }, Some(receive)) if received == len + 1 => {
@@ -291,7 +295,7 @@ impl<W: Wiring> executor::Port for Port<W> {
         // SAFETY: 1 is a valid value of a task register.
         self.spim.tasks_stop.write(|w| unsafe { w.bits(1) });
         let stopped = (0..STOP_POLLS).any(|_| self.spim.events_stopped.read().bits() != 0);
-        // Before STOPPED the peripheral may still write to the buffers (PS v1.7, 6.25, "Low power").
+        // Until the event STOPPED, the SPIM may still write to its buffers (PS v1.7, 6.25, "Low power").
         if !stopped {
             self.sends.does_not_stop();
             return;
@@ -315,7 +319,8 @@ impl<W: Wiring> executor::Port for Port<W> {
         timer.cc[WAIT_COMPARE].write(|w| unsafe { w.bits(self.timer_from.wrapping_add(us)) });
         timer.events_compare[WAIT_COMPARE].reset();
         if W::now_us().wrapping_sub(self.timer_from) >= us {
-            // The counter may have passed the compare value already if the task was preempted for long.
+            // If the task was preempted for long, the counter may have passed the compare value already. Then no
+            // interrupt would come.
             call(W::TIMER_TASK);
         }
     }

@@ -18,7 +18,9 @@ use dpr_fw::{
 use nrf52840_hal::pac;
 
 use super::{take_event, time::PRESCALER, AreaBuffer, ImageBuffer, DPR_TELEMETRY};
-use crate::board::{call, SsiPins, EXPIRY_COMPARES, FRESH_CHANNEL, PAUSE_COMPARE, PULSE_COMPARE, SSI_SELECT_PIN};
+use crate::board::{
+    call, call_step, SsiPins, EXPIRY_COMPARES, FRESH_CHANNEL, PAUSE_COMPARE, PULSE_COMPARE, SSI_SELECT_PIN,
+};
 
 /// The length of the FRESH pulse, µs: long enough for a pin interrupt of the flight controller and for an optocoupler
 /// of 1 Mbit/s. The pulse may be one µs shorter.
@@ -30,14 +32,15 @@ const FRESH_US: u32 = 2;
 pub(crate) struct SsiDoorbell;
 
 impl SsiDoorbell {
-    /// Whether the SSI is set up. Before that the tasks of SPIS1 must not be triggered.
+    /// Whether the SSI is set up. Until it is, the tasks of SPIS1 must not be triggered.
     pub(crate) fn is_enabled() -> bool {
         // SAFETY: the pointer to the peripheral is valid for ever, and reading a register races with nothing.
         let spis = unsafe { &*pac::SPIS1::ptr() };
         spis.enable.read().enable().is_enabled()
     }
 
-    /// Whether the SPIS owns the buffers, which means a transaction under way if the semaphore was asked for.
+    /// Whether the SPIS owns the buffers. After a request for the semaphore, that means that a transaction is in
+    /// progress.
     fn is_under_way() -> bool {
         // SAFETY: the pointer to the peripheral is valid for ever, and only a read-only register is read, which races
         // with nothing.
@@ -50,8 +53,8 @@ impl SsiDoorbell {
     }
 
     /// Ends the pause after a transaction, so that END and ACQUIRED call the SSI task again, at once if either has come
-    /// during the pause. Only the task of TIMER3 calls this, which has the SSI task's priority. If the SSI task has
-    /// begun the pause anew, it has cleared the compare event, and nothing is done.
+    /// meanwhile. Only the task of TIMER3 calls this function, at the SSI task's priority. If the SSI task has begun
+    /// another pause, it has cleared the compare event, and nothing is done.
     pub(crate) fn end_pause() {
         // SAFETY: the pointers to both peripherals are valid for ever. Only this task and the SSI task use the event,
         // and they do not interrupt each other; INTENSET changes only the bits that are written.
@@ -61,7 +64,7 @@ impl SsiDoorbell {
         }
     }
 
-    /// Calls both tasks of the SSI so that they check in, unless the end of a transaction calls them anyway.
+    /// Calls both tasks of the SSI so that they check in, unless transactions call them anyway.
     pub(crate) fn ask_for_sign_of_life(sign: &mut SignOfLife) {
         // SAFETY: the pointer to the port is valid for ever, and reading its input register races with nothing.
         let levels = unsafe { &*pac::P1::ptr() }.in_.read().bits();
@@ -81,8 +84,8 @@ impl Doorbell for SsiDoorbell {
         // SAFETY: 1 is a valid value of a task register.
         spis.tasks_acquire.write(|w| unsafe { w.bits(1) });
         let is_under_way = Self::is_under_way();
-        // A transaction under way calls the SSI task by its END event, and a call before would only delay that. If no
-        // transaction is under way, no event may come, so the task is called here.
+        // The end of a transaction calls the SSI task by the event END, and an earlier call would only delay the task.
+        // Between transactions no event may come, so the task is called here.
         if !is_under_way {
             Self::call();
         }
@@ -98,7 +101,8 @@ impl Doorbell for SsiDoorbell {
         gpiote.tasks_set[FRESH_CHANNEL].write(|w| unsafe { w.bits(1) });
         // SAFETY: 1 is a valid value of a task register.
         timer.tasks_clear.write(|w| unsafe { w.bits(1) });
-        // The counter was just cleared and the next compare is 25 ms away, so the cleared event is an old one.
+        // The counter was just cleared and the next compare is 25 ms away, so an event that is set now belongs to the
+        // time before.
         timer.events_compare[EXPIRY_COMPARES[0]].reset();
     }
 }
@@ -108,12 +112,12 @@ pub(crate) struct SsiPort {
     spis: pac::SPIS1,
     timer: pac::TIMER2,
     pause: pac::TIMER3,
-    /// The pins are held so that no other code configures them.
+    /// The pins belong to this type, so that no other code configures them.
     _pins: SsiPins,
-    /// The receive area; `None` only within `hand_over`.
+    /// The area that receives the next transaction's bytes; `None` only within `hand_over`.
     area: Option<Filling<AreaBuffer>>,
     areas: SsiEnd<'static, AreaBuffer>,
-    /// The number of bytes that the last transaction clocked in.
+    /// The number of bytes that came in during the last transaction.
     received: usize,
     image: Option<Received<ImageBuffer, ()>>,
     granted: bool,
@@ -136,7 +140,7 @@ impl SsiPort {
         }
         // SAFETY: the compare register takes any value.
         timer.cc[PULSE_COMPARE].write(|w| unsafe { w.bits(FRESH_US) });
-        // The expiry timer runs from here on; a compare does no harm while there is no image.
+        // The expiry timer runs from now on. Its compares do no harm before the first image.
         // SAFETY: 1 is a valid value of a task register.
         timer.tasks_start.write(|w| unsafe { w.bits(1) });
         pause.bitmode.write(|w| w.bitmode()._32bit());
@@ -180,7 +184,7 @@ impl Ssi for SsiPort {
         let ours = self.spis.semstat.read().semstat().is_cpu();
         let ended = take_event!(self.spis.events_end);
         if ours || ended {
-            // From the end of a transaction to the next release the processor owns both buffers.
+            // Between the end of a transaction and the next release, both buffers belong to the processor.
             compiler_fence(Ordering::SeqCst);
         }
         if ours {
@@ -206,15 +210,15 @@ impl Ssi for SsiPort {
     }
 
     fn pass_on(&mut self) {
-        // The counter is cleared before the event, so that the event of the pause that this one replaces is cleared
-        // too.
+        // The counter is cleared before the event. In the other order the event of the previous pause could end this
+        // one.
         // SAFETY: 1 is a valid value of a task register.
         self.pause.tasks_clear.write(|w| unsafe { w.bits(1) });
         self.pause.events_compare[PAUSE_COMPARE].reset();
         // SAFETY: 1 is a valid value of a task register. The timer has stopped after the previous pause, or runs.
         self.pause.tasks_start.write(|w| unsafe { w.bits(1) });
         if self.areas.pass_on() {
-            call(Task::port);
+            call_step(Task::port);
         }
     }
 

@@ -1,14 +1,14 @@
-//! The deadline of the next frame (TIMER1).
+//! The timer TIMER1, which watches the deadline of the next frame.
 
 use dpr_fw::intake::Timer;
 pub(super) use firmware_common::nrf52840::COUNTER_PRESCALER as PRESCALER;
 use nrf52840_hal::pac;
 
 use super::{now_us, take_event};
-/// The shortest time from now to a compare value, µs: the counter could pass a nearer value before it is set.
+/// The shortest time from now to a compare value, µs. The counter could pass a nearer value before it is set.
 pub(super) const SHORTEST_US: u32 = 2;
 
-/// The deadline of the next frame, in TIMER1, which counts the µs since it was set.
+/// The deadline of the next frame. It is kept in TIMER1, which counts the µs since the deadline was set.
 pub(crate) struct Deadline(pac::TIMER1);
 
 impl Deadline {
@@ -22,8 +22,9 @@ impl Deadline {
         Self(timer)
     }
 
-    pub(crate) fn clear(&mut self) {
-        take_event!(self.0.events_compare[0]);
+    /// Clears the timer's event. Returns whether it was set.
+    pub(crate) fn clear(&mut self) -> bool {
+        take_event!(self.0.events_compare[0])
     }
 }
 

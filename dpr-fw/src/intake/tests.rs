@@ -1,4 +1,5 @@
-//! Tests what a call of `commit` or `deadline` publishes, what Link-Status then says, and when the next call is due.
+//! Tests calls of `commit` and `deadline`: what they publish, what Link-Status then says, and when the next call is
+//! due.
 
 use std::cell::Cell;
 
@@ -62,7 +63,7 @@ impl Timer for Time {
     }
 }
 
-/// The tasks `commit` and `deadline` with all that they share with other tasks.
+/// The tasks `commit` and `deadline`, with everything that they share with other tasks.
 struct Dpr {
     intake: Intake<3>,
     rotation: Rotation<ReceiveMemory, FrameInfo>,
@@ -139,7 +140,7 @@ impl Dpr {
         self.receiving = Some(self.rotation.rotate(written, info).0);
     }
 
-    /// Records that the image of this generation is damaged, as the idle loop does.
+    /// Records that the image of this generation is damaged, as the idle loop would.
     fn damaged(&self, generation: u32) {
         let _ = Judge::new().judge(&Slice::default(), Some(generation), &self.integrity, &self.telemetry);
     }

@@ -10,12 +10,12 @@ use proptest::prelude::*;
 
 const N: usize = 3;
 
-/// An image that is exchanged after a given number of words were read.
+/// An image that is exchanged while it is read, after a given number of words.
 struct Board {
     image: ImageMemory,
     generation: Cell<u32>,
     words_to_exchange: Cell<u32>,
-    /// The word, and the bit in it, that the first read returns wrong.
+    /// The word and the bit in it that are wrong at the first read of this word, and only then.
     wrong_read: Cell<Option<(usize, u32)>>,
 }
 
@@ -152,7 +152,7 @@ proptest! {
         let mut check = ImageCheck::<N> { next: object_of(byte) };
         board.words_to_exchange.set(words);
         prop_assert_eq!(check.step(&board), None);
-        // The image stays the same now, so the check verifies the same object again.
+        // The image is exchanged no longer, so this step verifies the same object again.
         prop_assert_eq!(check.step(&board), Some(8));
     }
 
@@ -234,7 +234,7 @@ fn a_self_test_ends_after_a_whole_pass_of_flash_and_ram() {
         for ram_first in [false, true] {
             let (integrity, telemetry, mut judge) = (Integrity::new(), Telemetry::new(), Judge::new());
             assert!(!judge.begin_self_test(&integrity) && !integrity.is_self_test_running());
-            // Passes that ended before the self-test was asked for do not count.
+            // A self-test counts only passes that end after it was requested.
             let both = Slice { flash: Some(CHANGED), ram_pass: Some(false), ..Slice::default() };
             judge.judge(&both, None, &integrity, &telemetry);
             assert_eq!(integrity.take_result(), None);
@@ -245,14 +245,14 @@ fn a_self_test_ends_after_a_whole_pass_of_flash_and_ram() {
             let of_ram = Slice { ram_pass: Some(ram), ..Slice::default() };
             let (first, second) = if ram_first { (of_ram, of_flash) } else { (of_flash, of_ram) };
             judge.judge(&first, None, &integrity, &telemetry);
-            // Further passes over one memory, before the first pass over the other memory ends, do not count.
+            // A self-test waits for one pass over each memory, so a second pass over the first memory does not count.
             judge.judge(&Slice { flash: None, ram_pass: None, ..first }, None, &integrity, &telemetry);
             assert_eq!(integrity.take_result(), None);
             judge.judge(&second, None, &integrity, &telemetry);
             assert!(!integrity.is_self_test_running());
             assert_eq!(integrity.take_result(), Some(passed), "{flash:?} {ram}");
             assert_eq!(integrity.take_result(), None);
-            // Passes after the self-test give no further result.
+            // After the self-test, further passes give no result.
             judge.judge(&both, None, &integrity, &telemetry);
             assert_eq!(integrity.take_result(), None);
         }

@@ -22,10 +22,11 @@ use crate::{
 
 /// The number of receive areas: one is lent to the peripheral, one is judged, one is clean.
 pub const AREAS: usize = 3;
-/// The number of areas that stay in use, however faulty they are: one is lent while the other is judged.
+/// The number of areas that stay in use, however faulty they are: one is lent to the peripheral while the other is
+/// judged.
 pub const AREAS_LEAST: usize = 2;
 
-/// What is known of a transaction besides the bytes that it brought.
+/// What is known of a transaction besides its bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Transaction {
     /// The transaction's request.
@@ -34,13 +35,13 @@ pub struct Transaction {
     pub bytes: usize,
 }
 
-/// An area that holds what a transaction brought.
+/// A receive area with the bytes that a transaction brought.
 pub type Brought<B> = Received<B, Transaction>;
 
 /// The queues between the SSI task and the port task.
 #[derive(Debug)]
 pub struct Areas<B> {
-    // A queue of heapless holds one item less than its length.
+    // A queue of the crate heapless holds one item less than its length.
     brought: Queue<Brought<B>, AREAS>,
     clean: Queue<Clean<B>, AREAS>,
 }
@@ -88,20 +89,21 @@ pub struct SsiEnd<'q, B> {
     clean: Consumer<'q, Clean<B>>,
     /// The area for the next transaction, if a clean one was in the queue.
     next: Option<Clean<B>>,
-    /// The area of the last transaction, which is still to be passed on to the port task.
+    /// The area with the last transaction's bytes, which is still to be passed on to the port task.
     waits: Option<Brought<B>>,
 }
 
-/// What becomes of a transaction at [`SsiEnd::hand_over`].
+/// What happens to a transaction in [`SsiEnd::hand_over`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HandedOver {
-    /// The transaction waits for the port task, which has to be called.
+    /// The transaction waits for the port task, which the caller has to call.
     Waits,
     /// The transaction brought no byte.
     Empty,
-    /// The transaction was dropped with its object, since two others wait already.
+    /// The transaction was dropped with the object that it brought, since two other transactions wait already.
     Dropped,
-    /// The transaction was dropped, since two others wait already. It brought no object, since the line was idle.
+    /// The transaction was dropped, since two other transactions wait already. It brought no object, since the line was
+    /// idle.
     DroppedIdle,
 }
 
@@ -117,7 +119,7 @@ impl<B: Memory + core::borrow::BorrowMut<ReceiveArea>> SsiEnd<'_, B> {
             return (clean.receive(), HandedOver::Waits);
         }
         let memory: &mut ReceiveArea = area.memory().borrow_mut();
-        // The fourth word of the area is the object's identifier and status.
+        // The fourth word of an area holds the object's identifier and status.
         let idle = transaction.bytes < HEADER_END || IDLE.contains(&memory[HEADER_END / 4 - 1]);
         memory.fill(0);
         (area, if idle { HandedOver::DroppedIdle } else { HandedOver::Dropped })
@@ -160,7 +162,7 @@ impl<B: Memory> PortEnd<'_, B> {
     }
 }
 
-/// Puts an area into a queue of two. It never overflows, since one of the three areas is always lent.
+/// Puts an area into a queue with room for two. The queue never overflows, since one of the three areas is always lent.
 fn put<T>(queue: &mut Producer<'_, T>, area: T) {
     assert!(queue.enqueue(area).is_ok(), "three areas, of which one is lent");
 }

@@ -44,23 +44,23 @@ use crate::{
 use areas::Transaction;
 use newer::Timestamps;
 
-/// The values of a word that an idle line, one that is not driven, brings.
+/// The values that a word has when the line is idle or not driven.
 pub const IDLE: [u32; 2] = [0, u32::MAX];
 
 /// Whether `bytes` are all 0x00 or all 0xFF, as an idle line brings them.
 fn is_idle(bytes: &[u8]) -> bool {
     let (words, rest) = bytes.as_chunks();
     let words = words.iter().map(|word| u32::from_le_bytes(*word));
-    // The byte is repeated four times, so that it compares with a word.
+    // The idle byte is repeated four times, so that it can be compared with a word.
     let rest = rest.iter().map(|byte| u32::from(*byte) * 0x0101_0101);
     let (any, all) = words.chain(rest).fold((0, u32::MAX), |(any, all), word| (any | word, all & word));
     any == 0 || all == u32::MAX
 }
 
-/// The states that other tasks hold and Port-Status shows.
+/// The values for Port-Status that other tasks hold.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Diagnostics {
-    /// How often, since start and wrapping, the SSI task granted its last transaction or dropped an object.
+    /// How often, since start and wrapping, the SSI task has used up the budget of transactions or dropped an object.
     pub too_many: u32,
     /// The number of damaged objects that the idle loop found in published images.
     pub integrity_faults: u32,
@@ -70,7 +70,7 @@ pub struct Diagnostics {
     pub stuck_bits: u32,
     /// The number of receive buffers and images that were taken out of use.
     pub buffers_out_of_use: u32,
-    /// The code of the reason for which the DPR was last in its safe state; 0 if it was not.
+    /// The code of the reason for the DPR's last safe state; 0 if there was none.
     pub last_stop: u32,
     /// The hold's bits of Port-Status.
     #[cfg(feature = "hold")]
@@ -91,7 +91,7 @@ impl<W: WritesUplink> Slot<W> {
         Self { timestamps: Timestamps::new(), stored: Uplink::EMPTY, stored_us: None, writer: PhantomData }
     }
 
-    /// Stores an uplink that came in at `now_us`, if it is newer than the writer's last one.
+    /// Stores an uplink that came in at `now_us`, if it is newer than its writer's last one.
     fn store(&mut self, uplink: &Uplink, now_us: u64) -> Result<(), Violation> {
         if !self.timestamps.accept(uplink.timestamp()) {
             return Err(Violation::UplinkNotNewer);
@@ -101,11 +101,12 @@ impl<W: WritesUplink> Slot<W> {
         Ok(())
     }
 
-    /// Puts the stored uplink into `area`, or zeros if it is older than [`Uplink::EXPIRY_MS`] at `now_us`. Returns its
-    /// age, ms, saturating; `u32::MAX` / 1000 if none was stored.
+    /// Puts the stored uplink into `area`, or zeros if it is older than [`Uplink::EXPIRY_MS`] at `now_us`. Returns the
+    /// uplink's age, ms, saturating; `u32::MAX` / 1000 if none was stored.
     fn show(&mut self, now_us: u64, area: &mut PortArea) -> u32 {
         let age_us = self.stored_us.map_or(u64::MAX, |stored| now_us.wrapping_sub(stored));
-        // A division of 64 bits takes some hundreds of cycles. 32 bits of µs are enough for 16 bits of ms.
+        // A division of 64 bits would take some hundreds of cycles. The age is saturated to 32 bits of µs first, which
+        // suffice for 16 bits of ms.
         let age_ms = u32::try_from(age_us).unwrap_or(u32::MAX) / 1000;
         if age_ms >= Uplink::EXPIRY_MS {
             self.stored = Uplink::EMPTY;
@@ -165,13 +166,14 @@ impl WritePort {
         }
     }
 
-    /// Judges the bytes that a transaction brought, which are the first bytes of `area`. `now_us` is the µs counter's
-    /// value. It must not go back from one call of this or of [`WritePort::prepare`] to the next, and one of the two
-    /// must be called every 71 minutes. Returns whether this changed the contents of Port-Status.
+    /// Judges the bytes that a transaction brought, which are the first bytes of `area`. `now_us` is the value of the
+    /// µs counter. It must not go back between calls of this and of [`WritePort::prepare`], one of which must be called
+    /// every 71 minutes. Returns whether the contents of Port-Status have changed.
     pub fn transaction(&mut self, transaction: Transaction, area: &ReceiveArea, now_us: u32) -> bool {
         self.clock.advance(now_us);
         let total = self.total;
-        // Areas are scrubbed, so only zeros mean that no byte came in: the transaction just read, as most do.
+        // Areas are scrubbed, so an area of zeros means that the transaction brought no byte. Most transactions only
+        // read.
         if area.iter().all(|word| *word == 0) {
             return false;
         }
@@ -258,13 +260,13 @@ impl WritePort {
         hold.keep::<FlightController>(&self.flight_controller.stored, self.flight_controller.stored_us);
     }
 
-    /// Whether a self-test was asked for and has not ended.
+    /// Whether a self-test was requested and has not ended.
     #[must_use]
     pub const fn self_test_requested(&self) -> bool {
         self.self_test.running
     }
 
-    /// Records the result of the self-test, if one was asked for.
+    /// Records the result of the self-test, if one was requested.
     pub fn self_test_done(&mut self, passed: bool) {
         if core::mem::take(&mut self.self_test.running) {
             self.self_test.passed = Some(passed);

@@ -1,13 +1,13 @@
 //! Decides which timestamps of a writer are newer than those already accepted ([`profile::Uplink`] has the rule).
 
-/// The number of refused timestamps in a row, each newer than the one before, of which the last is accepted.
+/// The number of refused timestamps in a row, each newer than the one before, after which the last one is accepted.
 pub const ROW: u8 = 3;
 
-/// The last timestamps of one writer's objects of one kind.
+/// The last timestamps of a writer's objects of one kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Timestamps {
     last: Option<u32>,
-    /// The last timestamp that was refused since then, and how many were refused in its row.
+    /// The timestamp that was refused last, and the number of refused ones in a row, each newer than the one before.
     row: Option<(u32, u8)>,
 }
 
@@ -88,7 +88,7 @@ mod tests {
                     prop_assert!(!replay.accept(timestamp));
                 }
             }
-            // An attacker sends an accepted object again and again.
+            // An attacker repeats an accepted object again and again.
             let mut known = Timestamps::new();
             let mut last = 0;
             for (number, _) in (0_u32..).zip(&timestamps) {

@@ -7,8 +7,8 @@ use crate::hold::Area;
 /// The newest Port-Status and uplinks that are ready.
 ///
 /// The port task fills another area and then [exchanges](Prepared::exchange) two references. The commit task, of higher
-/// priority, [reads](Prepared::newest) the newest. So it always finds a whole area, and waits no longer than the
-/// exchange.
+/// priority, [reads](Prepared::newest) the newest area. So the commit task always finds a whole area, and waits no
+/// longer than the exchange takes.
 #[derive(Clone, Copy, Debug)]
 pub struct Prepared<A>(A);
 
@@ -18,7 +18,7 @@ impl<A: Borrow<Area>> Prepared<A> {
         Self(area)
     }
 
-    /// Returns the area that the next image shows.
+    /// Returns the area that the next published image will show.
     pub fn newest(&self) -> &Area {
         self.0.borrow()
     }

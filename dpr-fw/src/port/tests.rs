@@ -73,7 +73,8 @@ impl Bench {
         self.area().verify().status.expect("Port-Status is intact").values()
     }
 
-    /// Returns the only kind of violation that was counted, and its number; `None` if none was counted.
+    /// Returns the kind of violation that was counted, and its number; `None` if none was counted. Only one kind may
+    /// have been.
     #[track_caller]
     fn counted(&mut self) -> Option<(Violation, u16)> {
         let violations = self.values().violations;
@@ -150,7 +151,7 @@ fn an_idle_line_of_any_length_is_no_violation_and_changes_nothing() {
             assert!(!bench.port.last_refused());
         }
     }
-    // Request, object and the bytes after it may each be idle at 0x00 or at 0xFF.
+    // The bytes of request and object, and those after the object, may each be idle at 0x00 or at 0xFF.
     let mut bench = Bench::new();
     assert!(!bench.clock(&[[0x00; 8].as_slice(), &[0xFF; 64], &[0x00; 8]].concat()));
     assert!(!bench.clock(&[[0xFF; 8].as_slice(), &[0x00; 64], &[0xFF; 8]].concat()));
@@ -289,7 +290,7 @@ fn a_writer_that_was_silent_for_long_goes_on_where_it_was() {
     bench.write(uplink(FC, 100).as_bytes());
     bench.wait_ms(2_000);
     assert_eq!(bench.area().uplink::<FlightController>(), &Uplink::EMPTY);
-    // The old uplink is written again, so it is not newer.
+    // The expired uplink comes again. Its timestamp is not newer than the last one, so it is refused.
     bench.write(uplink(FC, 100).as_bytes());
     assert_eq!(bench.area().uplink::<FlightController>(), &Uplink::EMPTY);
     bench.write(uplink(FC, 2_100).as_bytes());
@@ -353,7 +354,7 @@ fn a_second_self_test_is_refused_while_the_first_runs() {
         assert_eq!(bench.values().status, before.with_last_refused(false).with_self_test_running(true));
         bench.write(command(10 * round + 2, Command::SelfTest).as_bytes());
         assert_eq!(bench.values().violations.of(Violation::CommandBusy), u16::try_from(round).expect("few") + 1);
-        // A command that was refused because a self-test was under way is not carried out later either.
+        // A command that was refused during a self-test is not carried out after the self-test, whatever its result.
         bench.port.self_test_done(passed);
         bench.write(command(10 * round + 2, Command::SelfTest).as_bytes());
         assert!(!bench.port.self_test_requested());
@@ -382,7 +383,7 @@ fn counters_of_faults_and_violations_stay_at_their_end() {
     assert_eq!(bench.port.access_violations(), 70_000, "Link-Status's total is not that of the kinds");
 }
 
-/// Returns the bytes of a transaction, most of which hold an intact object.
+/// Draws the bytes of a transaction. Most of them hold an intact object.
 fn mosi() -> impl Strategy<Value = Vec<u8>> {
     let request = prop_oneof![
         Just(vec![0; 8]),
@@ -412,8 +413,8 @@ fn mosi() -> impl Strategy<Value = Vec<u8>> {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2_000))]
-    /// The place of an uplink holds zeros, or an intact uplink of its own writer that was written less than 500 ms
-    /// before. No other bytes that were written can be read back.
+    /// Where an image has an uplink, there are zeros, or an intact uplink of its own writer that was written less than
+    /// 500 ms before. No other bytes that were written can be read back.
     #[test]
     fn whatever_is_clocked_in_only_the_uplinks_and_the_counters_change(
         transactions in prop::collection::vec((mosi(), 0_u32..300), 0..40),
@@ -446,7 +447,8 @@ proptest! {
                 prop_assert_eq!(fresh, place != &Uplink::EMPTY && written.iter().any(recent));
                 prop_assert!(fresh || (place == &Uplink::EMPTY && verified == Err(Rejection::Crc)));
             }
-            // The flight controller cannot change the DPR's faults. A transaction counts as three violations at most.
+            // Nothing that the flight controller writes changes the DPR's counts of its own faults. A transaction
+            // counts as three violations at most.
             let faults = [values.integrity_faults, values.flash_passes, values.stuck_bits, values.buffers_out_of_use];
             prop_assert_eq!((faults, values.last_stop), ([0; 4], 0));
             let cleared = values.last_command == Command::ClearCounters.word();
@@ -455,7 +457,8 @@ proptest! {
         }
     }
 
-    /// The SSI and port tasks run in any order. The bytes of a transaction are judged as they came, or all dropped.
+    /// The SSI task and the port task run in any order. Either all bytes of a transaction are judged as they came, or
+    /// all are dropped.
     #[test]
     fn areas_rotate_clean_and_nothing_is_read_twice(
         steps in prop::collection::vec(prop::option::of(0_usize..=80), 0..60),

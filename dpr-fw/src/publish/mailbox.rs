@@ -50,14 +50,15 @@ impl<B: Memory> Scrubbable for Mailbox<B> {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Taken {
-    /// Whether the image is newer than the one that was streamed before it.
+    /// Whether this image is newer than the image that was streamed before.
     pub(super) newer: bool,
     pub(super) announced: bool,
 }
 
 /// The operations on the SSI's hardware that the commit task needs.
 pub trait Doorbell {
-    /// Asks for the semaphore, and calls the SSI task. Returns whether a transaction is under way and still has it.
+    /// Requests the semaphore, and calls the SSI task. Returns whether a transaction is in progress and keeps the
+    /// semaphore.
     fn request(&mut self) -> bool;
     /// Raises FRESH, which also restarts the time until the image expires.
     fn announce(&mut self);
@@ -72,14 +73,15 @@ pub struct Outbox<'a, M, B, D> {
     pub filling: &'a mut Option<Filling<B>>,
     /// The hardware of the SSI, to which a published image is announced.
     pub doorbell: D,
-    /// Port-Status and the uplinks as the port task has prepared them for the next image.
+    /// Port-Status and the uplinks, as the port task has prepared them for the next image.
     pub port: &'a Area,
     /// The counters of scrubs and publications.
     pub telemetry: &'a Telemetry,
 }
 
 impl<M: Mutex<T = Mailbox<B>>, B: ImageBuffer, D: Doorbell> Outbox<'_, M, B, D> {
-    /// Takes the buffer for the next image, and scrubs it if necessary, before this would delay that image.
+    /// Takes the buffer for the next image, and scrubs it if necessary. This is done early, so that it does not delay
+    /// the image.
     pub fn prepare(&mut self) {
         let _ = self.filling();
     }

@@ -39,11 +39,11 @@ use crate::{triple::Memory, ImageMemory};
 pub use mailbox::{Doorbell, Mailbox, Outbox};
 pub use server::{Events, Server, Ssi};
 
-/// How long an image that is not replaced can be read after its publication, µs.
+/// How long an image can be read after its publication if no other replaces it, µs.
 pub const EXPIRY_US: u32 = 25_000;
 
-/// The time from the expiry timer's first compare to its second, µs. It is longer than the SSI task takes from the
-/// check of the first to the release, which is below 10 µs.
+/// The time from the expiry timer's first compare to its second, µs. The SSI task takes less than 10 µs from the check
+/// of the first compare to the release, so it has released the image before the second.
 pub const EXPIRY_AGAIN_US: u32 = 20;
 
 /// A buffer for an image.

@@ -15,13 +15,13 @@ use crate::{
 /// The events on the SSI since the SSI task was last called.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Events<'a> {
-    /// Whether the processor has the semaphore.
+    /// Whether the processor owns the buffers, that is, has the semaphore.
     pub ours: bool,
-    /// The bytes that the ended transaction clocked in, as far as they fit; `None` if no transaction has ended.
+    /// The bytes that came in during the ended transaction, as far as they fit; `None` if no transaction has ended.
     pub received: Option<&'a [u8]>,
-    /// Whether the ended transaction clocked out more bytes than its window has.
+    /// Whether more bytes were clocked out during the ended transaction than its window has.
     pub over_read: bool,
-    /// Whether the ended transaction clocked in more bytes than the receive area has.
+    /// Whether more bytes came in during the ended transaction than the receive area holds.
     pub overflow: bool,
 }
 
@@ -30,14 +30,16 @@ pub trait Ssi {
     /// The type of an image buffer.
     type Buffer: ImageBuffer;
 
-    /// Returns what has happened since the last call, and clears it. Must read the semaphore before the end of a
+    /// Returns the events since the last call, and clears them. Must read the semaphore before the end of a
     /// transaction: if a transaction ends between the two reads, the next call returns the semaphore. After an end, the
     /// peripheral's events do not call the task until the pause that [`Ssi::pass_on`] begins is over.
     fn take_events(&mut self) -> Events<'_>;
-    /// Takes the bytes and the request of the ended transaction for the port task. Called before the next release.
+    /// Takes the bytes and the request of the ended transaction for the port task. Called before the next release of
+    /// the buffers.
     fn hand_over(&mut self, asked: Asked) -> HandedOver;
-    /// Passes the taken bytes on to the port task, calls that task, and begins the pause of
-    /// [`PAUSE_US`](crate::ssi::PAUSE_US) anew. Called after the next release, for which the flight controller waits.
+    /// Passes the bytes on to the port task, calls that task, and begins a new pause of
+    /// [`PAUSE_US`](crate::ssi::PAUSE_US). Called after the next release, because the flight controller waits for that
+    /// release.
     fn pass_on(&mut self);
     /// Whether the image that is streamed has expired. Called only while the processor has the semaphore.
     fn is_expired(&mut self) -> bool;
@@ -84,7 +86,7 @@ impl<const LEN: usize> Server<LEN> {
         if ours {
             self.offer(ssi, &mut mailbox, telemetry);
         }
-        // The counters are updated after the release, for which the flight controller waits.
+        // The flight controller waits for the release, so the counters are updated after it.
         if let Some(Ended { spent, handed_over }) = ended {
             ssi.pass_on();
             telemetry.ssi_transactions.add_alone(1);
@@ -101,7 +103,7 @@ impl<const LEN: usize> Server<LEN> {
         if newer {
             self.budget = Budget::new();
         }
-        // An image that was announced during a transaction may have expired before that transaction ended.
+        // An image may expire during a transaction, after it was announced and before the transaction ended.
         let announce = newer && !announced;
         if !announce && ssi.is_expired() {
             telemetry.images_expired.add(1);

@@ -24,7 +24,7 @@ use crate::{
 
 const LEN: usize = 156;
 
-/// The owner of the buffers (PS v1.7, 6.26, SEMSTAT).
+/// The owner of the SPIS's buffers (PS v1.7, 6.26, SEMSTAT).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Semaphore {
     Free,
@@ -36,7 +36,7 @@ enum Semaphore {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Happening {
     Nothing,
-    /// The flight controller selects the DPR, unless it has already.
+    /// The flight controller selects the DPR, unless the DPR is selected already.
     Select,
     /// The flight controller deselects the DPR, and the transaction ends.
     Deselect,
@@ -61,9 +61,9 @@ struct World {
     paused: bool,
     /// The number of the image that the last release gave to the SPIS.
     loaded: Option<u32>,
-    /// What the transaction under way reads; `None` if none is under way.
+    /// What the present transaction reads; `None` between transactions.
     selected: Option<Read>,
-    /// The bytes that the transaction under way will have clocked in at its end.
+    /// The bytes that will have come in when the present transaction ends.
     mosi: Vec<u8>,
     /// The number of the newest image for which FRESH has risen.
     announced: u32,
@@ -77,7 +77,7 @@ struct World {
 
 type Buffer = ImageMemory;
 
-/// The hardware, the mailbox and the SSI task, which any task can reach.
+/// The hardware, the mailbox and the SSI task of the model. Any task can reach them.
 #[derive(Clone)]
 struct Board {
     world: Rc<RefCell<World>>,
@@ -130,7 +130,7 @@ impl World {
             Happening::Select => {}
             Happening::Deselect => {
                 if let Some(Read::Image(_)) = self.selected.take() {
-                    // The shortcut from END to ACQUIRE takes effect here.
+                    // In hardware, END triggers ACQUIRE at this moment.
                     self.end = true;
                     self.semaphore = Semaphore::Cpu;
                     self.acquired = true;
@@ -189,7 +189,7 @@ impl Board {
         board
     }
 
-    /// Makes the next event happen in hardware, and then lets the SSI task interrupt.
+    /// Makes the next event happen in hardware, and then runs the SSI task if it is called.
     fn point(&self) {
         let next = self.world.borrow_mut().happenings.pop_front();
         self.world.borrow_mut().happen(next.unwrap_or(Happening::Nothing));
@@ -238,7 +238,7 @@ impl Board {
         found.buffers
     }
 
-    /// Makes a whole transaction, without any other event until the pause after it is over.
+    /// Makes a whole transaction and the pause after it, without any other event.
     fn read(&self, mosi: &[u8]) -> Read {
         self.world.borrow_mut().mosi = mosi.to_vec();
         for what in [Happening::Select, Happening::Deselect, Happening::PauseEnd] {
@@ -346,7 +346,7 @@ impl Ssi for SsiModel {
     }
 
     fn announce(&mut self) {
-        // No image can be published while the SSI task runs, so the image that it has taken is the newest.
+        // The image that the SSI task has taken is the newest, since no image can be published while the SSI task runs.
         self.board.clone().expect("on the board").announce();
     }
 
@@ -373,8 +373,8 @@ fn happening() -> impl Strategy<Value = Happening> {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(4_000))]
-    /// This test draws longer runs than `tests/interleavings` explores. Each transaction reads the image that FRESH
-    /// announced last, whole and in time, or 0xFF. After the last event a transaction reads the newest image.
+    /// Draws longer runs than `tests/interleavings` explores. Each transaction must read 0xFF, or the image that FRESH
+    /// announced last, whole and in time. After the last event a transaction must read the newest image.
     #[test]
     fn a_transaction_reads_the_announced_image_or_nothing(
         happenings in prop::collection::vec(happening(), 0..60), scrubs in prop::collection::vec(any::<bool>(), 6),
@@ -403,7 +403,8 @@ proptest! {
 
 #[test]
 fn fresh_rises_before_the_image_is_released() {
-    // The flight controller selects at each access in turn, and never reads the new image before FRESH has risen.
+    // The flight controller selects the DPR at a different access in each turn. It must never read the new image before
+    // FRESH has risen.
     let mut busy = 0;
     for at in 0..20 {
         let board = Board::new();

@@ -73,7 +73,8 @@ impl<B: Memory> Exchange<B> {
         }
     }
 
-    /// Returns the image to stream next, the newest or else the one streamed so far, and whether it is a newer one.
+    /// Returns the image to stream next: the newest, or else the one streamed so far. Also returns whether it is newer
+    /// than that one.
     pub fn take(&mut self, streamed: Option<Received<B, ()>>) -> (Option<Received<B, ()>>, bool) {
         match (self.newest.take(), streamed) {
             (Some(newest), streamed) => {

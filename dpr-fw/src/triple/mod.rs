@@ -31,7 +31,7 @@
 //! shows the fault, and the buffers out of use are counted
 //! ([`Telemetry::buffers_out_of_use`](crate::telemetry::Telemetry::buffers_out_of_use)).
 //!
-//! A task that scrubs a buffer because no other is left uses the buffer even if it is faulty.
+//! A task that has to scrub a buffer itself, because no clean one is left, uses the buffer even if it is faulty.
 //!
 //! # Every order
 //!
@@ -54,18 +54,19 @@ pub use types::{Clean, Dirty, Faulty, Filling, Memory, Received, Scrubbed};
 /// The result of a scrub.
 pub type Outcome<B> = Result<Clean<B>, Faulty<B>>;
 
-/// A set of buffers of which some wait to be scrubbed.
+/// A set of buffers, of which some wait for a scrub.
 pub trait Scrubbable {
-    /// The type of a buffer.
+    /// The type of the buffers in the set.
     type Buffer: Memory;
 
     /// Returns the buffer that has waited longest to be scrubbed.
     fn take_dirty(&mut self) -> Option<Dirty<Self::Buffer>>;
-    /// Takes back a buffer that was scrubbed, unless it has to be taken out of use. Returns the result of the scrub.
+    /// Takes back a buffer after its scrub, unless the buffer has to be taken out of use. Returns the result of the
+    /// scrub.
     fn scrubbed(&mut self, outcome: Outcome<Self::Buffer>) -> Scrubbed;
 }
 
-/// Scrubs every buffer that waits. `buffers` are locked only while one is taken or put back.
+/// Scrubs every buffer that waits. The lock on `buffers` is held only while a buffer is taken or put back.
 pub fn scrub_waiting<S: Scrubbable>(mut buffers: impl Mutex<T = S>) -> Scrubbed {
     let mut all = Scrubbed::default();
     while let Some(dirty) = buffers.lock(Scrubbable::take_dirty) {
@@ -90,7 +91,8 @@ impl<const OF: u32, const LEAST: u32> InUse<OF, LEAST> {
         self.0 <= LEAST
     }
 
-    /// Returns the scrub's result, and the buffer unless it is faulty and more than `LEAST` buffers are in use.
+    /// Counts a scrub, and returns its result with the buffer. A faulty buffer is not returned if more than `LEAST` are
+    /// in use.
     pub(crate) fn admit<B>(&mut self, outcome: Outcome<B>) -> (Option<Clean<B>>, Scrubbed) {
         match outcome {
             Err(faulty) if !self.is_least() => {
@@ -105,7 +107,7 @@ impl<const OF: u32, const LEAST: u32> InUse<OF, LEAST> {
     }
 }
 
-/// Returns the buffer, faulty or not, for a task that scrubs because no other buffer is left.
+/// Returns the scrubbed buffer even if it is faulty, for a task that has no other buffer left.
 pub(crate) fn keep<B>(outcome: Outcome<B>) -> (Clean<B>, Scrubbed) {
     match outcome {
         Ok(clean) => (clean, Scrubbed { buffers: 1, ..Scrubbed::default() }),
@@ -116,7 +118,7 @@ pub(crate) fn keep<B>(outcome: Outcome<B>) -> (Clean<B>, Scrubbed) {
     }
 }
 
-/// Puts a buffer into a queue. Each queue has room for all buffers that can be in it, so this cannot fail.
+/// Puts a buffer into a queue. This cannot fail, because each queue has room for all buffers that can be in it.
 fn put<T, const LEN: usize>(queue: &mut Deque<T, LEN>, item: T) {
     let full = queue.push_back(item).is_err();
     debug_assert!(!full, "a buffer too many has appeared");

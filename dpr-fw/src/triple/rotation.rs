@@ -27,16 +27,16 @@ pub struct Rotation<B, I> {
 pub enum Rotated {
     /// The frame waits to be read.
     Handed,
-    /// No clean buffer was left, so the frame was scrubbed away. The value is the result of that scrub.
+    /// The frame was scrubbed away, because no clean buffer was left. The value is the result of that scrub.
     Overrun(Scrubbed),
 }
 
 impl<B: Memory, I> Rotation<B, I> {
-    /// Scrubs the buffers. Returns the buffer to write first, the others, and the result of the scrubs.
+    /// Scrubs all buffers. Returns the buffer to write first, the set of the others, and the result of the scrubs.
     ///
     /// # Panics
     ///
-    /// This never panics, since [`RECEIVE_LEAST`] buffers stay in use.
+    /// Cannot panic, since [`RECEIVE_LEAST`] buffers always stay in use.
     pub fn new(buffers: [B; RECEIVE_BUFFERS]) -> (Filling<B>, Self, Scrubbed) {
         let mut rotation =
             Self { clean: Deque::new(), received: Deque::new(), dirty: Deque::new(), in_use: InUse::ALL };
@@ -76,7 +76,7 @@ impl<B: Memory, I> Rotation<B, I> {
     }
 
     /// Queues the buffer of an incomplete frame for a scrub, and returns a clean buffer to be written. If none is left,
-    /// the given buffer is scrubbed here, and the result of that scrub returned.
+    /// scrubs the given buffer at once and also returns the result of that scrub.
     pub fn replace(&mut self, filling: Filling<B>) -> (Filling<B>, Scrubbed) {
         match self.clean.pop_front() {
             Some(clean) => {

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::*;
 
-/// A set of buffers that only one task uses, so that its lock does nothing.
+/// A set of buffers that a single task uses, so its lock does nothing.
 struct Own<'a, S>(&'a mut S);
 
 impl<S> Mutex for Own<'_, S> {
@@ -16,7 +16,7 @@ impl<S> Mutex for Own<'_, S> {
 
 const WORDS: usize = 4;
 
-/// Returns the result of scrubs of this many buffers without a stuck bit.
+/// Returns the result of scrubbing this many buffers without finding a stuck bit.
 fn sound(buffers: u32) -> Scrubbed {
     Scrubbed { buffers, stuck_bits: 0, out_of_use: 0 }
 }
@@ -116,7 +116,7 @@ fn a_frame_that_is_given_up_leaves_its_buffer_to_the_scrub() {
         assert_eq!(filling.memory().words, [0; WORDS]);
     }
     assert_eq!(filling.memory().name, 2);
-    // No clean buffer is left, so the buffer of the lost frame is scrubbed and written again.
+    // No clean buffer is left, so the buffer of the lost frame is scrubbed and used again.
     filling.memory().write(1);
     filling.memory().stuck = Some((0, 0, true));
     let (mut filling, found) = rotation.replace(filling);
@@ -171,8 +171,8 @@ proptest! {
         prop_assert_eq!(Dirty::new(ram).scrub().expect_err("a bit is stuck").stuck_bits(), 1);
     }
 
-    /// The tasks run in any order, and each of them may be late. Each frame that is read was received exactly once, in
-    /// order, into a buffer that was clean when the frame began.
+    /// The tasks run in any order, and each of them may be late. Every frame that is read must have been received
+    /// exactly once, in order, into a buffer that was clean when the frame began.
     #[test]
     fn no_order_of_the_tasks_reads_a_frame_twice_or_overwrites_one(
         steps in prop::collection::vec(0_u8..7, 0..400),
@@ -210,7 +210,7 @@ proptest! {
                 },
                 3 => if let Some(read) = reading.take() { rotation.done(read); },
                 4 => if scrubbing.is_none() { scrubbing = rotation.take_dirty(); },
-                // A frame begins to arrive, and is not delivered.
+                // A frame begins to arrive in the buffer, but is never delivered.
                 5 => {
                     filling.memory().write(u32::MAX);
                     let (next, found) = rotation.replace(filling);
@@ -316,7 +316,7 @@ fn with_two_receive_buffers_a_frame_during_a_read_is_given_up() {
     assert_eq!(rotated, Rotated::Handed);
     let read = rotation.read().expect("a frame waits");
 
-    // The commit task is late: the second and the third frame come while it still reads the first.
+    // The commit task is still reading the first frame when the second and the third frame arrive.
     let mut filling = filling;
     for frame in 2..=3 {
         filling.memory().write(frame);
@@ -326,7 +326,7 @@ fn with_two_receive_buffers_a_frame_during_a_read_is_given_up() {
         assert_eq!((filling.memory().name, filling.memory().words), (2, [0; WORDS]));
         assert_eq!((read.memory().name, read.memory().words), (0, [1; WORDS]));
     }
-    // A frame that is not delivered leaves the buffer that is being read alone, too.
+    // A frame that is not delivered leaves the buffer that is being read unchanged, too.
     let (next, found) = rotation.replace(filling);
     assert_eq!(found, sound(1));
     filling = next;
@@ -346,7 +346,7 @@ fn the_last_three_images_stay_in_use_despite_stuck_bits() {
         let found = scrub_waiting(Own(&mut exchange));
         assert_eq!(found.out_of_use, 1, "{stuck:?}");
         assert_eq!(exchange.out_of_use(), 1);
-        // With three images left in use the scrub task gets none of them.
+        // With only three images left in use, the scrub task gets none to scrub.
         assert_eq!(scrub_waiting(Own(&mut exchange)), sound(0));
         let mut used = Vec::new();
         let mut streamed = None;
@@ -415,8 +415,8 @@ fn the_third_frame_that_nobody_reads_is_an_overrun() {
 }
 
 proptest! {
-    /// The commit, SSI and scrub tasks run in any order. The streamed image is whole, was the newest when it was taken,
-    /// and is never older than the one before. There is always a buffer to fill.
+    /// The commit, SSI and scrub tasks run in any order. The streamed image must be whole, must have been the newest
+    /// when it was taken, and must never be older than the one before. There must always be a buffer to fill.
     // Shows IMG-7.
     #[test]
     fn the_streamed_image_is_whole_and_never_older_than_the_last(

@@ -12,7 +12,7 @@ pub trait Memory {
     fn words(&self) -> usize;
     /// Sets every word to `pattern`.
     fn fill(&mut self, pattern: u32);
-    /// Returns how many bits, read back from the memory itself, differ from `pattern`.
+    /// Returns how many bits differ from `pattern`. They are read back from the memory itself.
     fn differing_bits(&self, pattern: u32) -> u32;
 }
 
@@ -48,7 +48,8 @@ impl<const WORDS: usize> Memory for [u32; WORDS] {
     fn differing_bits(&self, pattern: u32) -> u32 {
         compiler_fence(Ordering::SeqCst);
         let words = black_box(self);
-        // The loop does the same work whatever the memory holds. Only stuck bits are then counted one by one.
+        // Counting bits would take longer for stuck bits, so all words are compared first, with the same work for any
+        // content.
         let differing = words.iter().fold(0, |differing, word| differing | (word ^ pattern));
         if differing == 0 {
             0
@@ -84,7 +85,7 @@ pub struct Faulty<B> {
     stuck_bits: u32,
 }
 
-/// The results of one scrub or several.
+/// The sums of the results of one scrub or several.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Scrubbed {
     /// The number of buffers that were scrubbed.
@@ -121,12 +122,12 @@ impl<B> Filling<B> {
         &self.0
     }
 
-    /// Ends the writing: the buffer holds a whole frame, which may be read once. `about` is kept with the frame.
+    /// Ends the writing: the buffer now holds a whole frame, which may be read once. `about` is kept with the frame.
     pub fn received<I>(self, about: I) -> Received<B, I> {
         Received { buffer: self.0, about }
     }
 
-    /// Gives up the frame that was being written.
+    /// Gives up the frame that was being written into this buffer.
     pub fn discard(self) -> Dirty<B> {
         Dirty(self.0)
     }
@@ -138,7 +139,7 @@ impl<B, I> Received<B, I> {
         &self.buffer
     }
 
-    /// Returns the information that was given to [`Filling::received`].
+    /// Returns what [`Filling::received`] was told about the frame.
     pub fn about(&self) -> &I {
         &self.about
     }
@@ -150,7 +151,7 @@ impl<B, I> Received<B, I> {
 }
 
 impl<B: Memory> Dirty<B> {
-    /// Takes a buffer with unknown contents.
+    /// Takes over a buffer with unknown contents.
     pub fn new(buffer: B) -> Self {
         Self(buffer)
     }

@@ -17,14 +17,14 @@ use std::{
 
 /// The most choices of one run. A model that exceeds this number never ends.
 const DEPTH: usize = 10_000;
-/// The most states of one search. Bounds that allow more of them are too wide for a test.
+/// The most states of one search. A search with more of them has bounds that are too wide for a test.
 const STATES: usize = 1_500_000;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Explored {
     /// The number of different states in which more than one event could happen next.
     pub(crate) states: usize,
-    /// The number of runs: complete runs and those that met a known state.
+    /// The number of runs, both those that ended and those that met a known state.
     pub(crate) runs: usize,
 }
 
@@ -51,7 +51,7 @@ pub(crate) struct Explorer {
 
 #[derive(Default)]
 struct Search {
-    /// The choices of this run: the number of the continuation that was taken, and the number of continuations.
+    /// The choices of this run: for each, the number of the continuation that was taken, and how many there were.
     path: Vec<(usize, usize)>,
     /// The number of choices at the start of `path` that this run has repeated so far.
     made: usize,
@@ -90,7 +90,8 @@ impl Explorer {
         let mut search = self.search.borrow_mut();
         let asked = search.asked;
         search.asked += 1;
-        // The last choice of the path is the first that differs from the previous run's.
+        // Before its last choice, this run repeats the previous one. So a digest from that time equals the previous
+        // run's and is taken from there.
         if search.made < search.path.len() {
             if let Some(&known) = search.digests.get(asked) {
                 return known;

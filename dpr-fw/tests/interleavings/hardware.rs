@@ -34,12 +34,12 @@ pub(crate) struct Transaction {
     window: Window,
     /// The generation that FRESH had announced last when the transaction began.
     generation: u8,
-    /// The number of halves of the transaction's bytes that EasyDMA has carried.
+    /// How many halves of the transaction's bytes EasyDMA has carried so far.
     carried: u8,
     asks: Window,
 }
 
-/// The events besides those in the processor, each of which can happen at any instant at which it is enabled.
+/// The events outside of the processor, each of which can happen at any instant at which it is enabled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Step {
     Select,
@@ -49,7 +49,7 @@ pub(crate) enum Step {
     Deselect,
     /// The shortcut from END takes effect and triggers the task ACQUIRE.
     Shortcut,
-    /// The expiry timer's first compare comes and triggers ACQUIRE through PPI.
+    /// The expiry timer's first compare comes, and triggers ACQUIRE through PPI.
     Expire,
     /// The expiry timer's second compare comes and triggers ACQUIRE again.
     ExpireAgain,
@@ -86,7 +86,7 @@ impl Step {
     }
 }
 
-/// Everything besides the processor on which the future depends.
+/// The state of all hardware outside of the processor on which the future depends.
 #[derive(Clone, Debug, Hash)]
 pub(crate) struct Hardware {
     /// RAM as DMA sees it: the two halves of each buffer. All words of a half hold the same value.
@@ -98,7 +98,7 @@ pub(crate) struct Hardware {
     pub(crate) semaphore: Semaphore,
     pub(crate) end: bool,
     pub(crate) acquired: bool,
-    /// Whether END has come and its shortcut has not taken effect yet.
+    /// Whether END has come, but its shortcut to ACQUIRE has not taken effect yet.
     pub(crate) ending: bool,
     /// Whether the pause masks END and ACQUIRED, so that they do not call the SSI task.
     pub(crate) masked: bool,
@@ -117,9 +117,9 @@ pub(crate) struct Hardware {
     /// The number of compares since the expiry timer was cleared; `None` before the timer's first start.
     pub(crate) expired: Option<u8>,
     pub(crate) compare: bool,
-    /// Whether the expiry timer was cleared and its event is not cleared yet.
+    /// Whether the expiry timer was just cleared, and its compare event is still to be cleared.
     pub(crate) just_cleared: bool,
-    /// Whether the first compare came while the SSI task ran, and that run of the task has not ended.
+    /// Whether the first compare came while the SSI task ran, in a run that has not ended.
     pub(crate) expired_in_task: bool,
     pub(crate) published: u8,
     pub(crate) announced: u8,
@@ -142,7 +142,7 @@ struct Left {
 impl Hardware {
     pub(crate) fn new(bounds: &Bounds) -> Self {
         Self {
-            // RAM begins with a value that no generation has.
+            // The model's RAM begins with a value that stands for no generation.
             ram: [[0xEE; 2]; BUFFERS],
             held_back: [None; BUFFERS],
             stuck: None,
@@ -182,8 +182,8 @@ impl Hardware {
     /// Calls `with` for each event that is enabled while a task of priority `level` runs. An event that only calls a
     /// task is enabled when that task would run at once, since earlier it would have no effect.
     pub(crate) fn steps(&self, level: u8, receiver_runs: bool, bounds: &Bounds, mut with: impl FnMut(Step)) {
-        // A transaction that begins while the processor has the semaphore reads DEF throughout and changes no state,
-        // however long it lasts (6.26.1), so it is left out.
+        // A transaction that begins while the processor has the semaphore reads DEF throughout and changes no state
+        // (6.26.1). So the search leaves it out.
         if self.transaction.is_none() && self.semaphore == Semaphore::Free && self.left.transactions > 0 {
             with(Step::Select);
         }
@@ -197,13 +197,15 @@ impl Hardware {
             with(Step::Shortcut);
         }
         match self.expired {
-            // The compare comes 25 ms after the timer was cleared, long after the next step of the task.
+            // The first compare comes 25 ms after the timer was cleared, so never right after it.
             Some(0) if self.left.expiries > 0 && !self.just_cleared => with(Step::Expire),
-            // The second compare comes 20 µs after the first, so an SSI task that ran at the first has ended by then.
+            // The second compare comes 20 µs after the first. An SSI task that ran at the first compare has ended by
+            // then.
             Some(1) if !self.expired_in_task => with(Step::ExpireAgain),
             _ => {}
         }
-        // While the SSI task runs, it only matters whether the compare comes before the task begins the pause anew.
+        // The compare that ends a pause matters during the SSI task only if it comes before the task begins a new
+        // pause.
         if self.pause_runs && (level < Task::Ssi as u8 || self.pause_begins) {
             with(Step::PauseEnd);
         }
@@ -234,7 +236,7 @@ impl Hardware {
             Step::Carry => self.carry(),
             Step::Deselect => {
                 let Some(transaction) = self.transaction.take() else { return };
-                // A transaction that ended within its request requests no window.
+                // A transaction that ended before its request was complete requests no window.
                 self.asked = if transaction.carried == 2 { transaction.asks } else { Window::Whole };
                 self.amount = 4 * usize::from(transaction.carried);
                 self.end = true;
@@ -305,7 +307,7 @@ impl Hardware {
 
     fn select(&mut self) {
         self.left.transactions -= 1;
-        // The flight controller requests the two windows in turn.
+        // The flight controller requests its two windows in turn: the whole map and the upper half.
         let asks = if self.asked == Window::Whole { Window::UpperHalf } else { Window::Whole };
         let Some((buffer, window)) = self.txd else { broken("the SPIS is given no image") };
         self.semaphore = Semaphore::Spis;

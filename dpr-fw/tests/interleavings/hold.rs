@@ -10,29 +10,29 @@ use std::{cell::RefCell, rc::Rc};
 
 use super::explorer::{digest, holds, Counterexample, Explored, Explorer};
 
-/// The counter value at which the exploration ends; also the time from the IRQ's edge to the answer.
+/// The exploration ends at counter value LAST. ANSWER is the time from the IRQ's edge to the answer.
 const LAST: u8 = 6;
 const ANSWER: u8 = 3;
 /// The shortest time from now to a new compare value.
 const SHORTEST: u8 = 1;
 
-/// A rule that a test breaks on purpose, so that the exploration must find a fault.
+/// A rule of the second port's code that a test breaks on purpose, so that the exploration must find a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mutation {
     None,
-    /// The compare is set without a check whether its value has passed meanwhile.
+    /// Mutation: the compare for the answer is set without checking whether its value has already passed.
     PassedNotChecked,
-    /// The compare is set before the transfer is set up.
+    /// Mutation: the compare for the answer is set before the transfer is set up.
     ComparedBeforeSetUp,
-    /// The compare's event is cleared after the compare is set.
+    /// Mutation: the compare's event is cleared after the compare is set, which may lose an event.
     EventClearedLast,
-    /// A transfer is stopped although the compare that starts it is still ahead.
+    /// Mutation: a transfer is stopped although the compare that starts it is still ahead.
     AbortNotParked,
-    /// The task deselects the chip, instead of the end of the transfer.
+    /// Mutation: the task raises chip select, which only the end of a transfer should do.
     DeselectedByTask,
-    /// The IRQ's edge stays unmasked while the port rests.
+    /// Mutation: the IRQ's edge stays unmasked while the port rests.
     EdgeNotMasked,
-    /// After a rest the end of a transfer stays masked.
+    /// Mutation: the end of a transfer stays masked after a rest.
     EndStaysMasked,
 }
 
@@ -67,7 +67,7 @@ struct Hardware {
     rests: u8,
     /// The transfer whose bytes were clocked since the chip was selected, and the time of its end.
     clocked: Option<(Kind, u8)>,
-    /// The time for which an answer is armed.
+    /// The counter value at which the armed answer starts.
     armed_for: Option<u8>,
 }
 
@@ -95,7 +95,7 @@ struct Board {
     hw: RefCell<Hardware>,
     driver: RefCell<Driver>,
     resting: RefCell<bool>,
-    /// A hash of all that the running task has done and read; 0 while no task runs.
+    /// A hash of all that the task has done and read in this run; 0 while no task runs.
     seen: RefCell<u64>,
     wants_rest: RefCell<bool>,
     called_to_check_in: RefCell<bool>,
@@ -174,7 +174,7 @@ impl Board {
         }
     }
 
-    /// Makes a register access of the task. Anything may happen before the access.
+    /// Makes a register access of the task. Before the access, any number of hardware events may happen.
     fn access<T: std::hash::Hash>(&self, name: &'static str, act: impl FnOnce(&mut Hardware) -> T) -> T {
         loop {
             let steps = self.steps();
@@ -194,7 +194,7 @@ impl Board {
         digest((&*self.hw.borrow(), &*self.driver.borrow(), *self.seen.borrow(), name, more))
     }
 
-    /// Whether an event of the front end calls the task.
+    /// Whether an event of the hold's front end calls the task.
     fn is_called(&self) -> bool {
         let hw = self.hw.borrow();
         hw.end && !hw.end_masked || hw.edge && !hw.edge_masked || hw.time_out && !hw.masked
@@ -221,7 +221,8 @@ impl Board {
             self.happen(steps[taken]);
         }
         if *self.resting.borrow() {
-            // After the window of the budget, the first call to check in ends the rest and handles pending events.
+            // Once the budget's window has ended, the first call to check in ends the rest. It then handles the events
+            // that wait.
             *self.wants_rest.borrow_mut() = false;
             *self.called_to_check_in.borrow_mut() = true;
             self.wake();
@@ -260,7 +261,7 @@ impl Board {
         hw.end_masked &= self.mutation == Mutation::EndStaysMasked;
     }
 
-    /// Does what executor and machine would do: at most one operation of the port for each event.
+    /// Does what executor and state machine would do, with at most one operation of the port for each event.
     fn drive(&self) {
         let driver = *self.driver.borrow();
         match driver {
@@ -273,7 +274,7 @@ impl Board {
             }
             Driver::Waits(kind) if self.ended() => match kind {
                 Kind::Frame => {
-                    // The pin goes low when the status has been read.
+                    // Reading the status makes the IRQ pin low.
                     self.hw.borrow_mut().irq = false;
                     self.start(Kind::Head);
                 }
@@ -290,7 +291,7 @@ impl Board {
             Driver::Waits(_) => {
                 if self.access("takes the time-out", |hw| std::mem::take(&mut hw.time_out)) {
                     self.abort();
-                    // The machine starts again and reads the status.
+                    // The state machine starts again, and reads the status, which makes the IRQ pin low.
                     self.hw.borrow_mut().irq = false;
                     self.listen();
                 }

@@ -18,8 +18,8 @@
 //! | timers | the deadline of the next frame; both compares of the expiry; the end of the pause after a transaction |
 //! | RAM | a bit gets stuck; a store that no fence holds back comes late |
 //!
-//! Two halves of a buffer stand for all of its words: the processor and EasyDMA both access the buffer from its start
-//! to its end, so they meet at one point, which has one half before it and one after it.
+//! Two halves stand for all words of a buffer. The processor and EasyDMA both access a buffer from its start to its
+//! end, so they meet at a single point, with one half before that point and one after it.
 //!
 //! loom explores threads on the memory model of C11. Here the interrupts of one core, which have priorities and run to
 //! their end, meet hardware without a program; neither is a thread.
@@ -54,7 +54,7 @@ struct Bounds {
     /// The number of bits that may get stuck, in any buffer from number `stick_from` on.
     sticks: u8,
     stick_from: usize,
-    /// Whether the commit task publishes images: one at start, and one for each frame and each deadline.
+    /// Whether the commit task publishes images: one at the start, and one for each frame and each deadline.
     publishes: bool,
     mutation: Mutation,
 }
@@ -62,32 +62,34 @@ struct Bounds {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mutation {
     None,
-    /// If two frames wait, the newer one is read first.
+    /// Mutation: the newer one of two waiting frames is read first.
     RotationOrder,
     NoScrub,
-    /// A scrub does not report the stuck bit that it found, so the buffer stays in use.
+    /// Mutation: a scrub does not report the stuck bit that it found, so the buffer stays in use.
     FaultyUsedAgain,
-    /// A store to the image may come after the release of that image.
+    /// Mutation: a store to the image may come after the release of that image.
     NoFenceBeforeRelease,
-    /// The received bytes may be loaded before the end of the transaction is read.
+    /// Mutation: the received bytes may be loaded before the end of the transaction is known.
     NoFenceAfterEnd,
-    /// FRESH rises when the image is published, before the commit task has taken back the image that the SPIS has.
+    /// Mutation: FRESH rises when the image is published, before the commit task has taken back the image that the SPIS
+    /// has.
     FreshBeforeTaken,
-    /// FRESH rises after the image is released instead of before.
+    /// Mutation: FRESH rises after the image is released instead of before.
     FreshAfterRelease,
-    /// The end of a transaction is read before the semaphore.
+    /// Mutation: the event END is read before the semaphore.
     EndBeforeSemaphore,
-    /// An image that was announced during a transaction is released without a check whether it has expired.
+    /// Mutation: an image that was announced during a transaction is released without a check whether it has expired.
     ExpiryNotAskedAgain,
     ReleasedAfterExpiry,
     NoSecondCompare,
-    /// The event of the expiry timer's compare is cleared before the timer.
+    /// Mutation: the event of the expiry timer's compare is cleared before the timer.
     EventClearedBeforeTimer,
-    /// No pause masks the end of a transaction, so it calls the task at any time.
+    /// Mutation: no pause masks the end of a transaction, so that each end calls the SSI task.
     NoPause,
-    /// The pause begins although its compare is not set, so it never ends.
+    /// Mutation: a pause begins although its compare is not set, so that the pause never ends.
     PauseWithoutEnd,
-    /// When a pause begins anew, the event of the previous pause's end is not cleared, and ends the new pause.
+    /// Mutation: a new pause begins without clearing the event of the previous pause's end, which then ends the new
+    /// pause.
     OldPauseEndKept,
 }
 

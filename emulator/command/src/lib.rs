@@ -1,7 +1,8 @@
-//! Runs firmware for an nRF52840 or an STM32F429ZI on an emulated part: what the command `emulator` does, for commands
-//! of others.
+//! Runs firmware for an nRF52840 or an STM32F429ZI on an emulated microcontroller. The command `emulator` does this,
+//! and other programs may offer it in their own commands.
 //!
-//! [`run`] runs an ELF file as [`Options`] say. The command's README has an example and the lines of a script.
+//! [`run`] runs an ELF file as [`Options`] say. The README of the command has an example, and describes the lines of a
+//! script.
 #![forbid(unsafe_code)]
 
 mod options;

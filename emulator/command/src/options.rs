@@ -61,7 +61,7 @@ fn seconds(text: &str) -> Result<f64, String> {
     seconds.ok_or_else(|| "expected a number of seconds from 0.000001 to 86400".to_owned())
 }
 
-/// The bytes that a firmware sends from the pins of UARTs, on their way to files.
+/// Files, one for each UART pin, into which the bytes go that a firmware sends.
 #[derive(Default)]
 pub(crate) struct Files {
     files: BTreeMap<Pin, (String, BufWriter<File>)>,
@@ -69,7 +69,7 @@ pub(crate) struct Files {
 }
 
 impl Files {
-    /// Takes a byte; `false` if there is no file for its pin.
+    /// Takes a byte that the firmware sent from `pin`. Returns `false` if there is no file for the pin.
     pub(crate) fn take(&mut self, pin: Pin, byte: u8) -> bool {
         let Some((path, file)) = self.files.get_mut(&pin) else { return false };
         if let Err(error) = file.write_all(&[byte]) {
@@ -86,7 +86,7 @@ impl Files {
     }
 }
 
-/// What the options connect to the pins.
+/// Which pins the options connect, and to what.
 pub(crate) struct Leads {
     pub(crate) connected: Connected,
     pub(crate) files: Files,

@@ -1,4 +1,4 @@
-//! What a run prints.
+//! Prints what happens in a run.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -18,10 +18,10 @@ pub(crate) const fn pad_text(pad: Pad) -> &'static str {
 
 pub(crate) struct Output<W> {
     stdout: W,
-    /// Whether the reader has closed the output, as `head` does. The run continues, because its exit code is still
+    /// Whether the reader has closed the output, as `head` does. The run goes on, because its exit code is still
     /// needed.
     closed: bool,
-    /// For each UART, the bytes of the unfinished line and the instant of the first one, ns.
+    /// For each UART, the unfinished line: the instant of its first byte, ns, and its bytes.
     half: BTreeMap<Pin, (u64, Vec<u8>)>,
 }
 
@@ -32,8 +32,8 @@ impl<W: Write> Output<W> {
         Self { stdout, closed: false, half: BTreeMap::new() }
     }
 
-    /// Shows a line of the log. A line without a time stamp gets the virtual time at which the probe read it, up to 1
-    /// ms after it was written.
+    /// Prints a line of the log. A line without a time stamp gets the virtual time at which the probe read it, up to 1
+    /// ms after the firmware wrote it.
     pub(crate) fn line(&mut self, line: &LogLine) {
         if line.timestamp.is_empty() {
             self.text(format_args!("{:>14.6} ms  {line}", milliseconds(line.at)));

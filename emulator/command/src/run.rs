@@ -16,19 +16,19 @@ use crate::session::Session;
 use crate::trace::PartTrace;
 use crate::verdict::{linked_elsewhere, said_nothing, summary, verdict};
 
-/// The interval at which a run with a trace takes what the core did, virtual ns.
+/// The interval, virtual ns, at which a run with a trace takes the core's record of tasks.
 const TRACE_STEP: u64 = 1_000_000;
 
-/// Runs the ELF file `elf` on a part. `board` is what the user calls it. The firmware's output and the answers of a
-/// script go to standard output, all else to standard error.
+/// Runs the ELF file `elf` on a microcontroller. `board` is what the user calls it. The firmware's output and the
+/// answers of a script go to standard output, and everything else to standard error.
 ///
-/// Returns the run's status, 0 if it has passed. Without a script it is that of
-/// [`emulator_node::Outcome::status`]; findings make a status of 0 to 1. With a script it is 0 or 1.
+/// Returns the run's status, 0 if the run has passed. With a script the status is 0 or 1. Without a script it is that
+/// of [`emulator_node::Outcome::status`], except that a run with findings never has status 0.
 ///
 /// # Errors
 ///
-/// What the user asked for cannot be done: a file cannot be read or written or is no firmware for this part, an option
-/// or a line of the script is wrong.
+/// Fails if a file cannot be read or written, if the file is no firmware for this microcontroller, or if an option or a
+/// line of the script is wrong.
 pub fn run(target: Target, board: &str, elf: &Path, options: &Options) -> Result<u32> {
     let firmware = Firmware::read(elf)?;
     if let Some(error) = linked_elsewhere(target, &firmware) {
@@ -94,7 +94,7 @@ pub fn run(target: Target, board: &str, elf: &Path, options: &Options) -> Result
     output.borrow_mut().finish();
     files.into_inner().finish()?;
     eprintln!("{}", summary(&outcome, options.clock));
-    // With a debugger, the duration of a run does not show the speed of this machine.
+    // With a debugger the run waits for the user, so its duration does not show the speed of this machine.
     if !options.gdb {
         let seconds = began.elapsed().as_secs_f64();
         eprintln!("{:.0} million instructions a second of this machine", outcome.instructions as f64 / 1e6 / seconds);

@@ -1,4 +1,4 @@
-//! A run of one firmware with all that is at it: a script, a trace, a debugger.
+//! A run of one firmware alone, with its script, its trace and its debugger.
 
 use anyhow::Result;
 use emulator_gdb::World;
@@ -7,7 +7,7 @@ use emulator_node::{AnyNode, AnyRun, Event, FromOutside, Outcome};
 use crate::script::Script;
 use crate::trace::PartTrace;
 
-/// A run of one firmware alone on one part, which a debugger may be at ([`emulator_gdb::serve`]).
+/// A run of one firmware alone on one microcontroller. A debugger may be connected ([`emulator_gdb::serve`]).
 pub struct Session<'a> {
     run: Box<dyn AnyRun>,
     runs_on: bool,
@@ -18,8 +18,8 @@ pub struct Session<'a> {
 }
 
 impl<'a> Session<'a> {
-    /// Makes a session of `run`, whose events are passed to `event` and whose script's answers to `say`. With `runs_on`
-    /// the firmware is meant to run for ever, so that the limit of virtual time counts as a success.
+    /// Makes a session of `run`. Events of the run are passed to `event`, and the answers of the script to `say`. With
+    /// `runs_on` the firmware is meant to run for ever, so the limit of virtual time counts as a success.
     pub fn new(
         run: Box<dyn AnyRun>,
         runs_on: bool,
@@ -29,7 +29,7 @@ impl<'a> Session<'a> {
         Self { run, runs_on, event, say, script: None, trace: None }
     }
 
-    /// Ends the run and returns its outcome, and the verdict of the script if there is one.
+    /// Ends the run. Returns its outcome, and the verdict of the script if there is one.
     ///
     /// # Errors
     ///

@@ -7,14 +7,15 @@ use emulator_node::{AnyNode, Event};
 use emulator_part::{Pad, Pin};
 use emulator_trace::{Error, Id, Signal, TaskWatch, Trace, Value, task_signals};
 
-/// The longest UART frame whose bits reach the trace in time, ns: ten bits at 100 baud. They come at the frame's end.
+/// The length of the longest UART frame whose bits reach the trace in time, ns: ten bits at 100 baud. The bits are
+/// known only at the frame's end.
 const LATEST: u64 = 100_000_000;
 
-/// A trace of a part that runs alone.
+/// A trace of a microcontroller that runs alone.
 pub(crate) struct PartTrace {
     trace: Trace,
     tasks: TaskWatch,
-    /// For each pin its signal, and the level that the part and the outside give it.
+    /// For each pin its signal, the level that the part drives, and the level that is driven from outside.
     pins: BTreeMap<Pin, (Id, Value, Value)>,
 }
 
@@ -46,7 +47,7 @@ impl PartTrace {
         self.trace.set(at, *id, outside.or(*part));
     }
 
-    /// Takes what the core did, after a piece of the run.
+    /// Takes the core's record of tasks after a piece of the run.
     ///
     /// # Errors
     ///

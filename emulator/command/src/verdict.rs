@@ -1,4 +1,4 @@
-//! What a run comes to: its summary, its status and hints for the user.
+//! The verdict on a run: its summary, its status, and hints for the user.
 
 use emulator_node::{Clock, Firmware, Outcome, Target};
 
@@ -8,7 +8,7 @@ pub(crate) fn summary(outcome: &Outcome, clock: Clock) -> String {
     let findings = outcome.findings.len();
     let resets = outcome.resets;
     let stack = match outcome.stack {
-        // The firmware's own RAM test writes to the whole stack, so the use of the stack is not known.
+        // If the firmware's own RAM test writes to the whole stack, the use of the stack is not known.
         Some((used, size)) if used == size => format!(", all {size} bytes of the stack written"),
         Some((used, size)) => format!(", stack {used} of {size} bytes at worst"),
         None => String::new(),
@@ -24,8 +24,8 @@ pub(crate) fn summary(outcome: &Outcome, clock: Clock) -> String {
     )
 }
 
-/// Returns a message about the run, if one is needed, and the run's status. The run was meant to take `seconds`, or
-/// else at most `limit`.
+/// Returns a message about the run, if one is needed, and the run's status. `seconds` is the time that the run was
+/// meant to take, or else `limit` is the longest time.
 pub(crate) fn verdict(seconds: Option<f64>, limit: f64, outcome: &Outcome) -> (Option<String>, u32) {
     if outcome.exit.is_none() && !outcome.died {
         let restarts = match outcome.resets {
@@ -54,8 +54,8 @@ pub(crate) fn verdict(seconds: Option<f64>, limit: f64, outcome: &Outcome) -> (O
 }
 
 pub(crate) fn linked_elsewhere(target: Target, firmware: &Firmware) -> Option<String> {
-    // A program for the nRF52840 is loaded at address 0, where the STM32 has flash too. But it was linked for other
-    // addresses.
+    // A program for the nRF52840 can be loaded at address 0 of the STM32, which has flash there too. Its code is linked
+    // for other addresses and would not run.
     const STM32_FLASH: u64 = 0x0800_0000;
     let lies_below = firmware.segments().iter().all(|(address, _)| *address < STM32_FLASH);
     (target == Target::Stm32f429 && lies_below).then(|| {

@@ -1,5 +1,5 @@
-//! A firmware project outside this repository, tested by the command alone: built in a folder of its own, run with
-//! scripts, on both parts.
+//! Tests a firmware project outside this repository with the command alone. The project is built in a folder of its
+//! own, and is run with scripts on both microcontrollers.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::{BufRead, BufReader, Write};
@@ -33,7 +33,7 @@ rustflags = ["-C", "link-arg=-Tlink.x"]
 
 const SOURCE: &str = include_str!("project/bell.rs");
 
-/// One of the parts, and what the project's firmware does with it.
+/// One of the microcontrollers, and the pins that the project's firmware uses on it.
 struct Part {
     name: &'static str,
     memory: &'static str,
@@ -62,18 +62,18 @@ const STM32F429ZI: Part = Part {
 };
 
 impl Part {
-    /// Replaces the names of the pins' functions by the pins' names.
+    /// Replaces the names of the pins' functions in a script by the names of the pins.
     fn script(&self, text: &str) -> String {
         let pins = [("BUTTON", self.button), ("BELL", self.bell), ("SENDS", self.sends), ("HEARS", self.hears)];
         pins.iter().fold(text.to_owned(), |text, (word, pin)| text.replace(word, pin))
     }
 }
 
-/// The folder with the built firmware of both parts.
+/// Returns the folder with the firmware that was built for both microcontrollers.
 fn folder() -> &'static Path {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     FOLDER.get_or_init(|| {
-        // Always the same folder for one checkout, so that a second run does not build anew.
+        // The folder is the same for each run in one checkout, so that a second run does not build anew.
         let mut checkout = DefaultHasher::new();
         env!("CARGO_MANIFEST_DIR").hash(&mut checkout);
         let folder = std::env::temp_dir().join(format!("emulator-foreign-{:016x}", checkout.finish()));
@@ -88,7 +88,8 @@ fn folder() -> &'static Path {
         for part in [NRF52840, STM32F429ZI] {
             write("memory.x", part.memory);
             let mut command = Command::new(env!("CARGO"));
-            // The variables that cargo sets for this test's package would be wrong for the other project.
+            // The variables that cargo sets for this test's package are removed, because they would be wrong for the
+            // other project.
             for (key, _) in std::env::vars_os() {
                 let name = key.to_string_lossy();
                 if name.starts_with("CARGO_") && name != "CARGO_HOME" {
@@ -123,14 +124,14 @@ fn run(part: &Part, arguments: &[&str]) -> (Option<i32>, String, String) {
     (status.code(), String::from_utf8_lossy(&stdout).into_owned(), String::from_utf8_lossy(&stderr).into_owned())
 }
 
-/// Runs the firmware with a script of this name, a file in the project's folder.
+/// Runs the firmware with the script of this name, which is a file in the project's folder.
 fn scripted(part: &Part, name: &str, script: &str, arguments: &[&str]) -> (Option<i32>, String, String) {
     let name = format!("{name}-{}.script", part.name);
     std::fs::write(folder().join(&name), part.script(script)).unwrap();
     run(part, &[&["--script", &name], arguments].concat())
 }
 
-/// The script in the command's README, which begins with a line of four blanks and `drive`.
+/// Returns the example script in the command's README, whose first line is `drive`, indented by four blanks.
 fn readme() -> String {
     let lines = include_str!("../README.md").lines().skip_while(|line| !line.starts_with("    drive"));
     lines.map_while(|line| line.strip_prefix("    ")).collect::<Vec<_>>().join("\n")
@@ -267,7 +268,7 @@ fn a_program_gets_an_answer_to_each_line_of_its_script() {
     assert!(ask("expect BELL fall within 2 ms").starts_with("failed 4 at "));
     drop(input);
     assert_eq!(emulator.wait().unwrap().code(), Some(1));
-    // Input that ends without a verdict is not a success.
+    // Input that ends before a verdict does not count as a success.
     let mut silent = self::emulator(&part, &["--script", "-"]);
     let silent = silent.stdin(Stdio::null()).output().unwrap();
     assert_eq!(silent.status.code(), Some(1));
@@ -293,7 +294,7 @@ fn a_trace_has_the_pins_and_the_handlers_of_the_run() {
         let (status, out, err) = scripted(&part, "traced", PASSES, &["--trace", &trace]);
         assert_eq!(status, Some(0), "{out}{err}");
         let text = std::fs::read_to_string(folder().join(trace)).unwrap();
-        // A signal's changes in the text of the file, by the code that its definition gives it.
+        // A value change dump gives each signal a code. The closure finds the changes of a signal by its code.
         let changes = |name: &str| {
             let name = format!(" {name} $end");
             let code = text.lines().find(|line| line.ends_with(&name)).and_then(|line| line.split(' ').nth(3)).unwrap();
@@ -301,10 +302,10 @@ fn a_trace_has_the_pins_and_the_handlers_of_the_run() {
                 |line: &&str| line.len() == 1 + code.len() && line.ends_with(code) && !line.starts_with('$');
             text.lines().filter(is_change).map(|line| line.chars().next().unwrap()).collect::<String>()
         };
-        // Pulled, driven by the script, and left to the part when it restarts.
+        // The button's pin is pulled, then driven by the script, and released when the part restarts.
         assert!(changes(&part.button.replace('.', "_")).contains("101"), "{}", changes(&part.button.replace('.', "_")));
         assert!(changes(&part.bell.replace('.', "_")).contains("010"), "{}", changes(&part.bell.replace('.', "_")));
-        // SysTick's handler ran every millisecond.
+        // The handler of SysTick ran every millisecond.
         assert!(changes("SysTick").matches("10").count() > 20, "{}", changes("SysTick"));
     }
 }

@@ -28,7 +28,7 @@ pub enum Purpose {
     Fetch,
     /// An instruction loads or stores data.
     Data,
-    /// An instruction loads data relative to the program counter (over the D-Code bus).
+    /// An instruction loads data relative to the program counter, over the D-Code bus.
     Literal,
     /// The core fetches an exception vector.
     Vector,
@@ -62,7 +62,7 @@ pub struct Access {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BusError;
 
-/// The bound on wait states that a bus counts, see [`crate::Cost`].
+/// Which wait states of the bus a clock counts: the least or the most. See [`crate::Cost`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Bound {
     /// The least wait states: every cache hits, and no other bus controller delays the access.

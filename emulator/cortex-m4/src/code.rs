@@ -17,11 +17,11 @@ use crate::{Bus, Fault, decode};
 
 /// The number of address bits within a page.
 pub(crate) const BITS: u32 = 10;
-/// The number of halfwords of a page. Each has its own entry, since an instruction may begin at any of them.
+/// The number of halfwords of a page. Each has its own entry, because an instruction may begin at any halfword.
 const SLOTS: usize = 1 << (BITS - 1);
-/// The number of times that a page may be decoded anew as a whole because a byte in it was written.
+/// The number of times that a whole page may be decoded anew because a byte in it was written.
 const MOST_REWRITES: u32 = 64;
-/// The number of entries of the index of pages, a power of two.
+/// The number of entries in the index of pages, a power of two.
 const INDEX: usize = 256;
 
 /// The way in which the core makes sure that decoded instructions match memory.
@@ -40,7 +40,8 @@ pub(crate) struct Page {
     /// Whether the page's last instruction extends into the next page.
     straddles: bool,
     ops: [Op; SLOTS],
-    /// The halfwords of each instruction, the first one in the low half. Empty unless the page is [`Kind::Compared`].
+    /// For each halfword of the page, the encoding of the instruction that begins there, its first halfword in the low
+    /// half. Empty unless the page is [`Kind::Compared`].
     halfwords: Vec<u32>,
 }
 
@@ -66,7 +67,7 @@ impl Page {
         self.kind
     }
 
-    /// Whether the memory from which the page was decoded has not been written since.
+    /// Whether the memory of the page has not been written since the page was decoded.
     fn is_current<B: Bus>(&self, bus: &B) -> bool {
         self.kind != Kind::Watched
             || bus.is_watched(self.number << BITS) && (!self.straddles || bus.is_watched((self.number + 1) << BITS))
@@ -166,7 +167,8 @@ impl Code {
         page
     }
 
-    /// Decodes the instruction at `pc`, in memory that may have changed. With `over`, a breakpoint at `pc` is ignored.
+    /// Decodes the instruction at `pc`, in memory whose changes are not watched. With `over`, a breakpoint at `pc` is
+    /// ignored.
     #[inline(never)]
     pub(crate) fn changing<B: Bus>(&mut self, bus: &mut B, pc: u32, over: bool) -> Op {
         if over {

@@ -18,7 +18,7 @@ pub struct Config {
     pub priority_bits: u8,
     /// The address of the vector table after a reset.
     pub vector_table: u32,
-    /// The value of SYST_CALIB, with its NOREF and SKEW bits.
+    /// The value of the register SYST_CALIB, with its NOREF and SKEW bits.
     pub systick_calibration: u32,
     /// The core cycles of one tick of SysTick's external reference clock, 0 where there is none (NOREF). The STM32F4
     /// has HCLK/8.
@@ -100,8 +100,8 @@ pub struct Core<C: Cost> {
     /// The cycles in which the core slept, was halted, was locked up, or hung. They also count in `cycle`.
     pub(crate) idle: u64,
     pub(crate) retired: u64,
-    /// Whether the run loop must check exceptions before the next instruction. It must after something became pending
-    /// or a priority changed.
+    /// Whether the run loop must check for exceptions before the next instruction, because one became pending or a
+    /// priority changed.
     pub(crate) attention: bool,
     /// The registers in 0xE000_0000 to 0xE00F_FFFF: interrupts, faults, timers, MPU, debug.
     pub(crate) system: System,
@@ -112,7 +112,7 @@ pub struct Core<C: Cost> {
     /// The limit of `cycle` below which the core executes instructions without a break. [`Core::end_burst`] makes the
     /// run loop check for other events.
     pub(crate) limit: u64,
-    /// On the fast clock: the address from which on a burst does not go straight on, since the limit or the end of the
+    /// On the fast clock: the address up to which a burst executes without a check. The limit of time or the end of the
     /// page is there.
     pub(crate) stop: u32,
     /// On the fast clock: twice the cycle at which the present instruction began, minus its address. It is the same for
@@ -128,11 +128,12 @@ pub struct Core<C: Cost> {
     pub(crate) owed: u64,
     /// The cycle at which lazy preservation last saved the floating-point state.
     pub(crate) preserved_fp: u64,
-    /// N, Z, C and V before an instruction in an IT block that must not change them.
+    /// N, Z, C and V before an instruction in an IT block that must leave them as they are.
     pub(crate) kept_flags: Flags,
-    /// The address of the last word of code that was fetched, for the wait states. An odd value means none.
+    /// The address of the last word of code that was fetched, from which wait states are counted. An odd value means
+    /// that there is none.
     pub(crate) fetched: u32,
-    /// The cycle before which the core executes nothing, since the bus stalls it.
+    /// The cycle before which the core executes nothing. The part sets it while the bus stalls the core.
     pub(crate) stalled_until: u64,
     /// The breakpoint or semihosting call that the core has reached. [`Core::run`] returns it.
     pub(crate) paused: Option<Exit>,
@@ -140,7 +141,7 @@ pub struct Core<C: Cost> {
     pub(crate) passed: Option<u32>,
     /// The address of a semihosting call that the caller does not answer, so that the core treats it as a plain `BKPT`.
     pub(crate) refused_call: Option<u32>,
-    /// Whether the part was told that the core fell asleep, and not yet that it woke.
+    /// Whether the part has been told that the core fell asleep, but not that it woke.
     pub(crate) told_sleep: bool,
     pub(crate) told_lockup: bool,
     pub(crate) told_halt: bool,

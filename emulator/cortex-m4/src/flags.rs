@@ -1,7 +1,7 @@
 //! The condition flags N, Z, C and V.
 
-/// N, Z, C and V, in a form that costs little to set: most instructions only store their result, and the flags are
-/// computed from it where they are read.
+/// N, Z, C and V, in a form that costs little to set. Most instructions only store their result, and whoever reads the
+/// flags computes them from it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Flags {
     /// N is bit 31 of this word.

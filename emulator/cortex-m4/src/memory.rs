@@ -12,7 +12,6 @@
 //! An unaligned access becomes several aligned ones at rising addresses (TRM 3.7.2). A half at an odd address becomes
 //! two bytes, a word at 2 mod 4 two halves, and a word at an odd address byte, half, byte. Unaligned accesses to the
 //! core's own space take UFSR.UNALIGNED. There is no write buffer, so each bus fault is precise.
-//! modelled: each bus fault is precise.
 
 use crate::system::mpu::data_right;
 use crate::{Access, Bus, Core, Cost, Fault, Purpose, Width};
@@ -156,8 +155,8 @@ impl<C: Cost> Core<C> {
         self.store(bus, address, Width::Word, value, Purpose::Data)
     }
 
-    /// Whether the core may access `bytes` bytes from `address` on without checks, if they are memory: no wait states
-    /// are counted, the DWT does not watch, and the MPU opens these addresses.
+    /// Whether the core may access `bytes` bytes of memory from `address` on without further checks. This holds if no
+    /// wait states are counted, the DWT does not watch, and the MPU opens these addresses.
     #[inline(always)]
     pub(crate) fn reaches(&mut self, address: u32, bytes: u32, write: bool, privileged: bool) -> bool {
         C::BOUND.is_none() && !self.watching() && self.mpu_opens(address, bytes, write, privileged)
@@ -260,8 +259,8 @@ impl<C: Cost> Core<C> {
         Ok(())
     }
 
-    /// Ends a burst of the run loop after an access in which the part announced a change, or which wrote into a watched
-    /// page of code.
+    /// Ends a burst of the run loop if the last access changed a signal of the part, or wrote into a watched page of
+    /// code.
     #[inline(always)]
     fn notice<B: Bus>(&mut self, bus: &mut B) {
         if bus.signals().is_announced() || bus.rewritten() != self.rewritten {
@@ -303,7 +302,7 @@ impl<C: Cost> Core<C> {
             if !self.mpu_data(address, false, privileged) {
                 return Err(refused(address, purpose, false));
             }
-            // The access keeps its width and covers the bytes of the word to which the alias belongs (TRM 3.7.1).
+            // The access to an alias becomes an access of the same width to the word that has the bit (TRM 3.7.1).
             let whole = byte & !(width.bytes() - 1);
             let value = self.load_plain(bus, whole, width, purpose, privileged)?;
             return Ok(value >> (8 * (byte - whole) + bit) & 1);

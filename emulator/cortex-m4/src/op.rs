@@ -17,7 +17,8 @@ use crate::fp::FpOp;
 pub(crate) enum Block {
     /// The instruction behaves in an IT block as it does outside.
     Same,
-    /// The instruction keeps the flags in an IT block: 16-bit data-processing instructions set them only outside.
+    /// In an IT block the instruction leaves the flags as they are; outside a block it sets them. This holds for 16-bit
+    /// data processing.
     KeepsFlags,
     /// The instruction may only be the last one of an IT block, as branches may.
     Last,
@@ -38,8 +39,8 @@ pub(crate) struct Op {
 const _: () = assert!(size_of::<Op>() <= 16);
 
 impl Op {
-    /// Whether an interrupt need not wait for the end of this load/store multiple (TRM 3.9.1). It must wait for one
-    /// that loads PC, which may be an exception return.
+    /// Whether an interrupt may cut this load/store multiple short (TRM 3.9.1). It may not if PC is loaded, because
+    /// that may be an exception return.
     pub(crate) const fn is_multiple(&self) -> bool {
         match self.what {
             Do::Ldm { list, .. } => list >> 15 == 0,
@@ -174,7 +175,7 @@ pub(crate) enum Long {
 
 /// An operation. `d` is the destination, `n` and `m` are operands, `a` is an addend, and `t` is a register to load or
 /// store.
-// Each variant is on one line; rustfmt would give each field a line.
+// Each variant stays on one line, because rustfmt would give each field a line.
 #[rustfmt::skip]
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Do {
@@ -260,7 +261,7 @@ pub(crate) enum Do {
     LoadReg { format: Format, t: u8, n: u8, m: u8, amount: u8 },
     Store { format: Format, index: Index, t: u8, n: u8, imm: u32 },
     StoreReg { format: Format, t: u8, n: u8, m: u8, amount: u8 },
-    /// A load of two words. An `n` of 15 is the literal form, whose base is the instruction's address plus 4,
+    /// A load of two words. If `n` is 15, this is the literal form, whose base is the instruction's address plus 4,
     /// word-aligned.
     Ldrd { index: Index, t: u8, t2: u8, n: u8, imm: u32 },
     Strd { index: Index, t: u8, t2: u8, n: u8, imm: u32 },

@@ -15,10 +15,10 @@ use crate::execute::Flow;
 use crate::op::{Block, Do, Op};
 use crate::{Access, Bound, Bus, Core, Cost, Exit, Fault, Purpose, Width, decode};
 
-/// The number of cycles after which the fast clock has counted through a whole page.
+/// The number of cycles in which the fast clock executes a whole page straight through.
 const PAGE_CYCLES: u64 = 1 << (PAGE_BITS - 1);
 
-/// How far the run loop continues.
+/// The point at which the run loop stops.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Pace {
     /// The run goes on until there is a reason to return to the caller.
@@ -96,7 +96,8 @@ impl<C: Cost> Core<C> {
                 due = bus.due().min(self.system_due());
             }
             if self.cut > 0 {
-                // No exception came where the instruction was cut short, so the rest of its cycles pass now.
+                // An exception should have interrupted the instruction but did not come. The remaining cycles of the
+                // instruction pass now.
                 self.cycle += std::mem::take(&mut self.cut);
                 continue;
             }
@@ -126,7 +127,7 @@ impl<C: Cost> Core<C> {
             stepped = single;
             self.limit = until.min(due);
             if self.attention && !stalled {
-                // The burst ends after the next instruction, so that the core checks exceptions.
+                // The burst ends after one instruction, after which the core checks for exceptions.
                 self.limit = self.limit.min(self.cycle + 1);
             }
             self.due = due;
@@ -136,7 +137,7 @@ impl<C: Cost> Core<C> {
             }
             if self.waiting.is_some() || self.locked_up || self.halted || self.hung {
                 if self.limit == u64::MAX {
-                    // No event will ever be due, and the caller set no end.
+                    // There is no further event, and the caller has set no end.
                     return Exit::Until;
                 }
                 let cycle = self.limit;
@@ -172,7 +173,7 @@ impl<C: Cost> Core<C> {
                     self.attention = true;
                 }
             } else if pace == Pace::OneOrEntry {
-                // The caller's next call handles the effects of this instruction.
+                // The caller handles the effects of this instruction in its next call.
                 return Exit::Until;
             }
         }
@@ -208,8 +209,8 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Returns the instruction at `pc` if the page's decoded instruction `op` cannot be used unchecked. `known` says
-    /// that `op` matches memory.
+    /// Returns the instruction at `pc` if `op`, which the page has decoded there, needs checks before it is used.
+    /// `known` says that `op` matches memory.
     #[inline(never)]
     fn careful_op<B: Bus>(&mut self, bus: &mut B, code: &mut Code, pc: u32, op: Op, known: bool) -> Op {
         if never_executable(pc) || !self.mpu_fetch(pc) || !self.mpu_fetch(pc.wrapping_add(2)) && op.size == 4 {
@@ -243,7 +244,7 @@ impl<C: Cost> Core<C> {
         loop {
             let op = page.op(pc);
             if self.it != 0 {
-                // The tests that IT blocks need are in another function, so that this one has none.
+                // Another function handles instructions in an IT block, so that this loop needs no test for IT blocks.
                 self.single(bus, op);
                 pc = self.r[15];
             } else {
@@ -311,7 +312,7 @@ impl<C: Cost> Core<C> {
                 }
             }
             self.r[15] = pc;
-            // The counts never come near 2^64, so an overflow check at each instruction would be wasted.
+            // These counts never come near 2^64, so the additions wrap and save an overflow check in each instruction.
             self.retired = self.retired.wrapping_add(1);
             if pc >= self.stop {
                 self.catch_up();
@@ -341,8 +342,8 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Sets `stop` to the address at which straight execution from `pc` at `cycle` on reaches the limit, if that may be
-    /// within the page.
+    /// Sets `stop` to the address at which execution from `pc` at `cycle` reaches the limit, if straight execution may
+    /// reach it within the page.
     #[inline(always)]
     fn stop_before_limit(&mut self, page: &Page, pc: u32, cycle: u64) {
         if self.limit < cycle.wrapping_add(PAGE_CYCLES) {
@@ -358,7 +359,7 @@ impl<C: Cost> Core<C> {
         self.stop = 0;
     }
 
-    /// Executes the rest of an IT block. Returns whether the burst goes on behind it.
+    /// Executes the rest of an IT block. Returns whether the burst may go on after the block.
     #[inline(never)]
     fn finish_block<B: Bus>(&mut self, bus: &mut B, page: &Page) -> bool {
         while self.it != 0 && self.cycle < self.limit && page.holds(self.r[15]) {
@@ -393,7 +394,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Counts an executed instruction that began at the cycle `began`, and goes on at `next`.
+    /// Counts an instruction that was executed from the cycle `began` on. The next instruction is at `next`.
     #[inline(always)]
     fn complete(&mut self, op: &Op, next: u32, began: u64) {
         self.r[15] = next;
@@ -404,8 +405,8 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Adds the wait states of fetching `op`. At a breakpoint no instruction is fetched yet: time stands still until
-    /// the instruction at the breakpoint is executed.
+    /// Adds the wait states of fetching `op`. A breakpoint adds none, because its instruction is fetched only when it
+    /// is executed.
     #[inline(always)]
     fn count_fetch<B: Bus>(&mut self, bus: &mut B, op: &Op, pc: u32) {
         if C::BOUND.is_some() && !matches!(op.what, Do::Breakpoint) {

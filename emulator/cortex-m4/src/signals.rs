@@ -9,7 +9,7 @@ pub struct Signals {
     nmi: bool,
     event: bool,
     changed: bool,
-    /// Whether only [`crate::Bus::due`] moved.
+    /// Whether [`crate::Bus::due`] moved and nothing else changed.
     moved: bool,
     code_changed: bool,
     stop: bool,
@@ -17,7 +17,7 @@ pub struct Signals {
 }
 
 impl Signals {
-    /// Announces that [`crate::Bus::due`] or the core's clock changed, so that the core checks again before its next
+    /// Announces that [`crate::Bus::due`] or the core's clock changed. The core then checks again before its next
     /// instruction.
     #[inline]
     pub fn announce(&mut self) {
@@ -102,7 +102,7 @@ impl Signals {
         }
     }
 
-    /// The cycle before which the core executes nothing.
+    /// The cycle before which the core must execute nothing.
     #[must_use]
     pub fn stalled_until(&self) -> u64 {
         self.stalled_until
@@ -129,7 +129,7 @@ impl Signals {
 pub(crate) struct Change {
     /// Whether more than [`crate::Bus::due`] changed, so that exceptions have to be checked.
     pub(crate) signals: bool,
-    /// The core must not execute anything before this cycle.
+    /// The cycle before which the core must execute nothing.
     pub(crate) stalled_until: u64,
     pub(crate) forget_code: bool,
     pub(crate) stop: bool,

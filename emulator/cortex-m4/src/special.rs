@@ -1,6 +1,6 @@
 //! Special registers: MRS, MSR and CPS (ARM ARM B5.2), the program status register, and the selection of the stack.
 //!
-//! An access that the privilege does not allow reads zero or writes nothing (B5.2.2, B5.2.3).
+//! An access that is not allowed at this privilege reads zero or writes nothing (B5.2.2, B5.2.3).
 
 use crate::flags::Flags;
 use crate::{Core, Cost};
@@ -51,7 +51,8 @@ impl<C: Cost> Core<C> {
         self.thumb = value >> 24 & 1 != 0;
         self.ipsr = (value & 0x1FF) as u16;
         let progress = (value >> 25 & 3 | (value >> 10 & 0x3F) << 2) as u8;
-        // The field holds ICI if its bits 3:0 are zero, which the IT state of a block never has (ARM ARM B1.4.2).
+        // EPSR shares a field between ICI and the IT state. The field holds ICI if its bits 3:0 are zero, which the IT
+        // state of a block never has (ARM ARM B1.4.2).
         (self.it, self.ici) = if progress & 0xF == 0 { (0, progress >> 4) } else { (progress, 0) };
     }
 

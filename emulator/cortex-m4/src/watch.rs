@@ -27,9 +27,9 @@ impl Watch {
         self.record.len()
     }
 
-    /// Completes the record after a burst up to `cycle`; `before` changes were recorded before it. A change ends a
-    /// burst, so at most one is new. Its cycle is known only now, since an instruction's cycles are counted after its
-    /// execution.
+    /// Completes the record after a burst up to `cycle`. `before` is the number of changes that were recorded before
+    /// the burst. A change ends a burst, so at most one is new. Its cycle is known only now, because an instruction's
+    /// cycles are counted after its execution.
     #[inline]
     pub(crate) fn complete(&mut self, before: usize, cycle: u64) {
         if self.record.len() > before
@@ -78,7 +78,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Records a change of IPSR that was neither an entry nor a return; `before` is its former value.
+    /// Records a change of IPSR that came from neither an entry nor a return. `before` is the value that IPSR had.
     pub(crate) fn exception_changed_from(&mut self, before: u16) {
         if self.ipsr != before {
             self.exception_changed();

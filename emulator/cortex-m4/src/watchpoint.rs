@@ -80,8 +80,8 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// The value of [`Core::limit`] for a load/store multiple under way. A watchpoint lowers the limit to stop the run
-    /// after the instruction, which must not interrupt the instruction in its middle.
+    /// The value of [`Core::limit`] for a load/store multiple under way. A watchpoint lowers the limit so that the run
+    /// stops after the instruction, but the lower limit must not cut the instruction short.
     pub(crate) fn limit_of_multiple<B: Bus>(&self, bus: &mut B) -> u64 {
         match self.paused {
             Some(Exit::Watchpoint) if !bus.signals().is_announced() => self.watchpoints.limit,

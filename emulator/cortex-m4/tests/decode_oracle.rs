@@ -1,7 +1,7 @@
 //! Compares which encodings are instructions with a recording of LLVM's disassembler.
 //!
 //! `cargo xtask oracle --record` makes the recording, and also compares the registers of each instruction. The
-//! encodings are all of 16 bits, and 16 of 32 bits for each first halfword.
+//! encodings are all 16-bit ones, and 16 of 32 bits for each first halfword.
 
 use core_oracle::decode::{Verdict, encodings, verdict};
 

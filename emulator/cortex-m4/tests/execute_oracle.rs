@@ -1,6 +1,6 @@
 //! Compares what instructions do with a recording of QEMU in the same random cases.
 //!
-//! `cargo xtask oracle --record` makes the recording, and the crate `core-oracle` the cases.
+//! `cargo xtask oracle --record` makes the recording. The crate `core-oracle` makes the cases.
 
 use core_oracle::recording::Recording;
 

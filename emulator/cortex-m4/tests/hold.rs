@@ -12,7 +12,7 @@ fn watchpoint(address: u32, length: u32, reads: bool, writes: bool) -> Watchpoin
     Watchpoint { address, length, reads, writes }
 }
 
-/// For each stop at the watchpoint: the program counter, the address of the access, and whether it was a write.
+/// Returns the program counter, the address of the access, and whether it was a write, for each stop at the watchpoint.
 fn stops<C: Cost>(watchpoint: Watchpoint) -> Vec<(u32, u32, bool)> {
     let mut rig = Rig::<C>::with_clock(ACCESSES);
     rig.set(0, RAM + 0x40).set(1, 7).set(3, RAM + 0x80);
@@ -31,12 +31,12 @@ fn stops<C: Cost>(watchpoint: Watchpoint) -> Vec<(u32, u32, bool)> {
 fn a_watchpoint_stops_behind_each_instruction_that_accesses_its_bytes() {
     let writes = |address, length| stops::<Fast>(watchpoint(RAM + address, length, false, true));
     assert_eq!(writes(0x40, 4), [(2, 0x40, true)]);
-    // The watchpoint covers a byte of a wider store, or the store is within a wider watchpoint.
+    // In each case the watchpoint covers a byte of a wider store, or the store is within a wider watchpoint.
     assert_eq!(writes(0x43, 1), [(2, 0x40, true)]);
     assert_eq!(writes(0x44, 4), [(6, 0x45, true)]);
     assert_eq!(writes(0x45, 1), [(6, 0x45, true)]);
     assert_eq!(writes(0x46, 8), []);
-    // The watchpoint covers the second store of an stmia.
+    // In each case the watchpoint covers the second store of an stmia.
     assert_eq!(writes(0x84, 4), [(8, 0x84, true)]);
     assert_eq!(writes(0x80, 8), [(8, 0x80, true)]);
     assert_eq!(stops::<Fast>(watchpoint(RAM + 0x40, 4, true, false)), [(4, 0x40, false)]);
@@ -71,7 +71,7 @@ fn watchpoints_stay_through_a_reset_and_a_power_on() {
     }
 }
 
-/// A core whose interrupt 0 becomes pending in thread code with an IT block, an stmia and a loop.
+/// Returns a core whose interrupt 0 becomes pending in thread code that has an IT block, an stmia and a loop.
 fn interrupted<C: Cost>() -> Rig<C> {
     // The code is: str r4, [r3] (ISER0); str r1, [r0] (ISPR0, pending); movs r5, #3; loop: subs r5, #1; ite ne; addne
     // r6, #1; moveq r6, #0; stmia r7!, {r1, r4}; cmp r5, #0; bne loop; b .
@@ -79,7 +79,7 @@ fn interrupted<C: Cost>() -> Rig<C> {
     let mut board = Board::new(&thread);
     let handler = CODE + 0x80;
     board.flash[64..68].copy_from_slice(&(handler | 1).to_le_bytes());
-    // The handler is: str r1, [sp, #0x40]; bx lr.
+    // The handler's code is: str r1, [sp, #0x40]; bx lr.
     for (nth, half) in [0x9110_u16, 0x4770].into_iter().enumerate() {
         let at = handler as usize + 2 * nth;
         board.flash[at..at + 2].copy_from_slice(&half.to_le_bytes());
@@ -108,7 +108,7 @@ fn one_at_a_time_is_the_same_run<C: Cost>() {
         let (executed, changes) = (single.core.retired(), single.core.exception_changes());
         assert_eq!(single.core.run_one(&mut single.board, 200), Exit::Until);
         let (executed, changes) = (single.core.retired() - executed, single.core.exception_changes() - changes);
-        // A call executes at most one instruction or one exception entry.
+        // Each call executes at most one instruction or one exception entry.
         assert!(executed <= 1 && changes <= 1, "{executed} instructions, {changes} changes");
         if executed == 0 && changes == 1 {
             assert_eq!((single.core.active_exception(), single.core.pc()), (16, CODE + 0x80));

@@ -38,7 +38,8 @@ struct Storm {
     period: u64,
     before: u64,
     due: u64,
-    /// The cycle at which line 0 rose; `latest` is the longest time from then to the handler's write.
+    /// The cycle at which line 0 rose. The next field is the longest time from a rise until the handler's write,
+    /// cycles.
     raised: u64,
     latest: u64,
     over: Option<u64>,
@@ -137,8 +138,8 @@ fn a_program_that_is_interrupted_anywhere_computes_the_same() {
     }
 }
 
-/// Returns the longest time from the rise of line 0 to its handler's write, the number of such writes, and the
-/// program's duration.
+/// Returns three figures: the longest time from the rise of line 0 to its handler's write, the number of such writes,
+/// and the duration of the program.
 fn multiples<C: Cost>(period: u64, before: u64) -> (u64, u64, u64) {
     let mut board = Board::new(MULTIPLES);
     for (vector, handler) in [(0x40, HIGH), (0x44, LOW)] {
@@ -157,11 +158,11 @@ fn multiples<C: Cost>(period: u64, before: u64) -> (u64, u64, u64) {
     panic!("period {period}: the program does not end");
 }
 
-/// Load and store multiple and the lazy saving of the FP state are interruptible (TRM 3.9.1 and 7.2).
+/// Interrupts may cut short load/store multiples and the lazy saving of the FP state (TRM 3.9.1 and 7.2).
 #[test]
 fn at_best_no_interrupt_waits_for_a_load_or_store_multiple() {
     let (.., calm) = multiples::<Optimistic>(1_000_000, 0);
-    // The longest times are an entry with two instructions of the handler, and a barrier with a return.
+    // The two longest delays are an entry with two instructions of the handler, and a barrier followed by a return.
     let (entry, left) = (12 + 1, 1 + 1 + 2 + 10);
     for period in 173..300 {
         let (latest, served, over) = multiples::<Optimistic>(period, 0);

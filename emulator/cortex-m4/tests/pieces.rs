@@ -11,7 +11,7 @@ fn next(state: &mut u64) -> u32 {
     (word ^ word >> 27).wrapping_mul(0x94D0_49BB_1331_11EB) as u32
 }
 
-/// Draws an instruction for any position in an IT block. It uses r0 to r5; r6 is an address in RAM.
+/// Draws an instruction that may be anywhere in an IT block. It uses r0 to r5; r6 is an address in RAM.
 fn anywhere(draw: u32) -> Vec<u16> {
     let operands = (draw >> 8) as u16;
     let (d, n) = (operands % 6, operands / 8 % 6);
@@ -19,20 +19,20 @@ fn anywhere(draw: u32) -> Vec<u16> {
         0 => vec![0x2000 | d << 8 | operands & 3],
         1 => vec![0x3000 | d << 8 | operands & 0xFF],
         2 => vec![0x1A00 | n << 3 | d],
-        // lsls or lsrs with an amount.
+        // The instruction is lsls or lsrs with an amount.
         3 => vec![operands & 0x0800 | (operands & 0x7C0 | 0x40) | n << 3 | d],
-        // ands, eors, adcs, tst, muls or mvns.
+        // The instruction is ands, eors, adcs, tst, muls or mvns.
         4 => vec![0x4000 | [0, 1, 5, 8, 13, 15][usize::from(operands / 64 % 6)] << 6 | n << 3 | d],
         5 => vec![0x2800 | d << 8 | operands & 1],
         6 => vec![0x4280 | n << 3 | d],
-        // adds.w, whose second halfword is an instruction too.
+        // The instruction is adds.w. Its second halfword is an instruction too.
         7 => vec![0xF110 | n, d << 8 | operands & 0x7F],
         8 => vec![0x6030 | operands & 0xC0 | d],
         _ => vec![0x6830 | operands & 0xC0 | d],
     }
 }
 
-/// Draws a program that ends in `b .`, with all kinds of IT blocks and branches into their middle.
+/// Draws a program that ends in `b .`. It has IT blocks of all kinds, and branches into the middle of them.
 fn program(state: &mut u64) -> Vec<u16> {
     let mut code = vec![];
     while code.len() < 60 {

@@ -22,7 +22,7 @@ fn the_bounds_count_the_refills_of_branches() {
     let mut worst = Rig::<Pessimistic>::with_clock(COUNT);
     best.steps(21);
     worst.steps(21);
-    // movs, 10 × subs, and 10 × bne of which 9 are taken.
+    // The instructions are a movs, 10 subs, and 10 bne of which 9 are taken.
     assert_eq!((best.core.cycle(), worst.core.cycle()), (21 + 9, 21 + 27));
 }
 
@@ -138,8 +138,8 @@ fn a_semihosting_call_is_answered_by_the_caller() {
     assert_eq!((rig.r(0), rig.core.pc()), (41, CODE + 6));
 }
 
-/// Makes cores with code in RAM at its byte 0x200, to which a branch by r4 leads. The first core's board can watch RAM
-/// for writes, the second's cannot.
+/// Returns two cores with code in RAM at its byte 0x200, to which they branch by r4. The first core's board can watch
+/// RAM for writes, the second's cannot.
 fn in_ram(code: &[u16]) -> [Rig<Fast>; 2] {
     [true, false].map(|watches| {
         let mut rig = Rig::new(&[0x4720]);
@@ -186,7 +186,7 @@ fn code_that_keeps_writing_to_its_own_page_executes_as_rewritten() {
     for mut rig in in_ram(&[0xF240, 0x0000, 0x3101, 0x8011, 0x182D, 0xE7F9]) {
         rig.set(1, 0).set(2, RAM + 0x202).set(5, 0);
         assert_eq!(rig.core.run(&mut rig.board, 1 + 6 * 200), Exit::Until);
-        // Below 256 the second halfword equals the immediate.
+        // In each turn below 256 the second halfword has the counter as its immediate.
         assert_eq!((rig.r(1), rig.r(5)), (200, (0..200).sum()));
     }
 }
@@ -254,8 +254,8 @@ fn wfi_lets_time_pass_to_the_end_asked_for() {
 #[test]
 fn what_is_no_instruction_ends_in_a_lockup_without_a_handler() {
     let codes: [&[u16]; 6] = [
-        // udf #0; a branch within an IT block; cbz within one; mcr of an absent coprocessor; ldrd at an odd address; bx
-        // to an even address.
+        // The cases are: udf #0; a branch within an IT block; cbz within one; mcr of an absent coprocessor; ldrd at an
+        // odd address; bx to an even address.
         &[0xDE00],
         &[0xBF04, 0xE000, 0xBF00],
         &[0xBF08, 0xB100],

@@ -1,17 +1,18 @@
 //! Tests of the record of the active exception. Each handler, and the code returned to, begins with a store to the
-//! device, whose log has that instruction's cycle. The record must have the same cycle.
+//! device. The device logs the cycle of the store, which the record must have too.
 
 use crate::common;
 
 use common::{Board, CODE, CONFIG, DEVICE, RAM, Rig};
 use cortex_m4::{Core, Cost, Exit, Fast, Optimistic, Pessimistic, Register};
 
-/// str r1, [r7], which stores to the device.
+/// The instruction str r1, [r7], which stores to the device.
 const MARK: u16 = 0x6039;
-/// str r1, [r0] and str r2, [r0], which make interrupts 0 and 1 pending (NVIC_ISPR0).
+/// The instructions str r1, [r0] and str r2, [r0], which make interrupts 0 and 1 pending (NVIC_ISPR0).
 const PEND_0: u16 = 0x6001;
 const PEND_1: u16 = 0x6002;
-/// str r4, [r3] and str r6, [r5], which enable both interrupts (NVIC_ISER0) and set their priorities (NVIC_IPR0).
+/// The instructions str r4, [r3] and str r6, [r5], which enable both interrupts (NVIC_ISER0) and set their priorities
+/// (NVIC_IPR0).
 const SET_UP: [u16; 2] = [0x601C, 0x602E];
 const RETURN: u16 = 0x4770;
 const STAY: u16 = 0xE7FE;
@@ -19,8 +20,8 @@ const SVC: u16 = 0xDF00;
 
 const HANDLERS: u32 = CODE + 0x100;
 
-/// Makes a core about to execute `SET_UP` and `thread`. Interrupts 0 and 1 have the two handlers and priorities, and
-/// SVC has the first handler.
+/// Makes a core that is about to execute `SET_UP` and then `thread`. Interrupts 0 and 1 have the two handlers and
+/// priorities. SVC has the first handler.
 fn rig<C: Cost>(thread: &[u16], handlers: [&[u16]; 2], priorities: [u8; 2]) -> Rig<C> {
     let mut board = Board::new(&[&SET_UP[..], thread].concat());
     for (index, code) in handlers.into_iter().enumerate() {
@@ -76,8 +77,8 @@ fn a_tail_chained_handler_follows_in_the_record_without_thread_mode_between() {
 
 #[test]
 fn a_handler_that_follows_itself_is_recorded_twice() {
-    // The handler is: str r1, [r7]; cmp r8, r9; bne to the return; str r1, [r0]; mov r8, r1; bx lr. It makes its own
-    // interrupt pending once.
+    // The handler makes its own interrupt pending once: str r1, [r7]; cmp r8, r9; bne to the return; str r1, [r0]; mov
+    // r8, r1; bx lr.
     let handler: &[u16] = &[MARK, 0x45C8, 0xD101, PEND_0, 0x4688, RETURN];
     let mut rig = rig::<Fast>(&[PEND_0, MARK, STAY], [handler, &[]], [0x40, 0x80]);
     rig.set(8, 0).set(9, 0);
@@ -99,7 +100,7 @@ fn changes_are_counted_and_not_recorded_where_nobody_watches() {
 
 #[test]
 fn a_record_that_nobody_takes_keeps_its_first_4096_changes() {
-    // The code is: svc; b back to it.
+    // The code is: svc; b back to the svc.
     let mut rig = rig::<Fast>(&[SVC, 0xE7FD], [&[RETURN], &[]], [0x40, 0x80]);
     rig.core.run(&mut rig.board, 200_000);
     assert!(rig.core.exception_changes() > 5000);

@@ -24,7 +24,7 @@ const BD3: u8 = 0x1C;
 const BASE: u8 = 0xF8;
 const IDR: u8 = 0xFC;
 
-/// The value of CSW after a reset (TRM): accesses are permitted, and their size is a word.
+/// The value of CSW after a reset (TRM). It permits accesses, of a word each.
 const CSW_RESET: u32 = 0x4380_0042;
 const CSW_WRITABLE: u32 = 1 << 29 | 1 << 25 | 3 << 4 | 7;
 /// The bits of TAR that its automatic increment changes (ADI C2.2.2).
@@ -103,7 +103,7 @@ impl MemoryAp {
 
     pub(super) fn write(&mut self, register: u8, value: u32, target: &mut impl Target) -> bool {
         match register {
-            // A write of an unsupported size to CSW leaves the size unchanged (ADI C2.6.4).
+            // If a write of CSW has an unsupported size, the size stays as it was (ADI C2.6.4).
             CSW => {
                 let kept = if value & 7 > 2 { CSW_WRITABLE & !7 } else { CSW_WRITABLE };
                 self.csw = self.csw & !kept | value & kept;
@@ -126,7 +126,7 @@ impl MemoryAp {
     }
 }
 
-/// The shift, in bits, of the byte lane that carries an access of this address and width.
+/// Returns the position, in bits, of the byte lane that carries an access of this address and width.
 const fn shift(address: u32, width: Width) -> u32 {
     8 * (address & 3 & !(width.bytes() - 1))
 }

@@ -131,7 +131,7 @@ const SYSTEM_POWER_ACK: u32 = 1 << 31;
 const CONTROL_KEPT: u32 = 0x00FF_FF00 | DEBUG_POWER_REQUEST | SYSTEM_POWER_REQUEST;
 const DLCR: u32 = 0x40;
 
-/// A board with the debug port of its microcontroller.
+/// A board together with the debug port of its microcontroller.
 #[derive(Clone, Debug)]
 pub struct DebugPort<B: Board, C: Cost> {
     node: Node<B, C>,
@@ -141,7 +141,7 @@ pub struct DebugPort<B: Board, C: Cost> {
     latest: u16,
     control: u32,
     select: u32,
-    /// The result of the last read of an access port.
+    /// The result of the last read of an access port, which the next read returns.
     read_buffer: u32,
     resend: u32,
     memory_ap: MemoryAp,
@@ -193,7 +193,7 @@ where
             self.since_reset = 0;
             if self.line != Line::Jtag {
                 self.line = Line::Reset;
-                // A line reset selects the banks of power-up, but keeps flags and power requests (ADI B4.3.3).
+                // A line reset selects the banks as at power-up, but keeps flags and power requests (ADI B4.3.3).
                 self.select &= !0xF;
             }
         }
@@ -300,7 +300,7 @@ where
         (self.select >> 24) as u8
     }
 
-    /// Reads a register of the selected access port; one that does not exist reads zero (ADI B2.2.11).
+    /// Reads a register of the selected access port. An access port that does not exist reads zero (ADI B2.2.11).
     fn access_read(&mut self, register: u8) -> Option<u32> {
         match self.selected() {
             0 if !self.node.part().is_open() => Some(0),
@@ -340,9 +340,9 @@ where
         self.reset_debug();
     }
 
-    /// Gives the debug registers their power-on values, if the last reset resets them.
+    /// Gives the debug registers their power-on values if the last reset was one that resets them.
     fn reset_debug(&mut self) {
-        /// Writes that reset DHCSR, FP_CTRL (both with their keys) and DEMCR (ARMv7-M C1.6.2, C1.11.3, C1.6.5).
+        /// The writes that reset DHCSR and FP_CTRL (both with their keys) and DEMCR (ARMv7-M C1.6.2, C1.11.3, C1.6.5).
         const RESET: [(u32, u32); 3] = [(0xE000_EDF0, 0xA05F_0000), (0xE000_2000, 2), (0xE000_EDFC, 0)];
         if self.node.resets().last().is_some_and(|reset| B::Part::resets_debug(reset.cause)) {
             for (address, value) in RESET {
@@ -351,7 +351,8 @@ where
         }
     }
 
-    /// Whether a debugger can access `address`. A reset that is held leaves only the private peripheral space.
+    /// Returns whether a debugger can access `address`. While reset is held, only the private peripheral space is
+    /// accessible.
     fn reachable(&self, address: u32) -> bool {
         !self.held || address >> 20 == 0xE00
     }
@@ -363,7 +364,7 @@ where
             && (byte[0] >> bit & 1 != 0) != value
         {
             byte[0] ^= 1 << bit;
-            // The write succeeds, because a byte was just read from the same address.
+            // A byte was just read from this address, so the write must succeed.
             self.node.write(u64::from(address), &byte).expect("memory");
         }
     }
@@ -398,7 +399,7 @@ where
     }
 
     fn transfer(&mut self, request: Request) -> Ack {
-        // A transfer contains zero bits, so it ends a sequence of ones that could become a line reset.
+        // The transfer's zero bits end a sequence of ones that could have become a line reset.
         self.ones = 0;
         self.since_reset = u32::MAX;
         self.answer(request)
@@ -417,7 +418,7 @@ where
     }
 
     fn pass(&mut self, ns: u64) {
-        // The board's time stands still while the microcontroller is held in reset.
+        // While the microcontroller is held in reset, the board's time stands still.
         if self.held {
             return;
         }

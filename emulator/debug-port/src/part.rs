@@ -107,8 +107,8 @@ pub trait Alone: Board {
 
 impl<P: Part> Alone for Bare<P> {}
 
-/// Restores the memory that a microcontroller keeps without supply; `None` if `kept` does not have as many
-/// bytes as [`Debugged::KEPT`] together. A part that was not restored is left with a part of them.
+/// Restores the memory that a microcontroller keeps without supply. Returns `None` if `kept` has fewer or more bytes
+/// than all of [`Debugged::KEPT`]; some of the memory may then have been restored.
 pub fn restore<P: Debugged + Part>(part: &mut P, kept: &[u8]) -> Option<()> {
     let mut rest = kept;
     for &(address, size) in P::KEPT {

@@ -1,8 +1,9 @@
 //! A gdb server for one board.
 //!
-//! [`serve`] runs a [`World`] with a board in it, and a debugger at that board. The debugger uses gdb's remote protocol
-//! over any connection. A board that the debugger halts also halts the rest of its world ([`emulator_node::Halt`]).
-//! Nothing moves and no watchdog time passes meanwhile, so inspection does not change the run's outcome.
+//! [`serve`] runs a [`World`] with a board in it, to which a debugger is connected. The debugger uses gdb's remote
+//! protocol over any connection. If the debugger halts the board, everything else in the world halts too
+//! ([`emulator_node::Halt`]). Nothing moves and no watchdog time passes meanwhile, so inspection does not change the
+//! run's outcome.
 //!
 //! | gdb | here |
 //! |---|---|
@@ -41,7 +42,7 @@ use gdbstub::stub::{DisconnectReason, GdbStub, SingleThreadStopReason};
 use target::Debuggee;
 pub use wait::{PORT, say_killed, say_lost, wait};
 
-/// A run with a board that a debugger is at.
+/// A run of which one board has a debugger connected.
 pub trait World {
     /// The failure of a run.
     type Error: std::fmt::Display;
@@ -74,8 +75,8 @@ pub trait World {
     /// The lines of `monitor help` about the commands of [`World::monitor`].
     const HELP: &'static str = "";
 
-    /// Carries out a command of gdb's `monitor` that only this world has, and returns a message for the user; `None` if
-    /// it is no such command.
+    /// Carries out a command of gdb's `monitor` that only this world has. Returns a message for the user; `None` if the
+    /// command is another one.
     fn monitor(&mut self, words: &[&str]) -> Option<String> {
         let _ = words;
         None

@@ -85,7 +85,7 @@ impl<W: World> Debuggee<W> {
                     (true, false) => WatchKind::Read,
                     (false, _) => WatchKind::Write,
                 },
-                // gdb expects a watched address here, but a wide access to that address may begin at a lower one.
+                // gdb expects a watched address. A wide access that covers one may begin at a lower address.
                 addr: watched.address.max(watched.watchpoint.address),
             },
             Halt::Stepped => SingleThreadStopReason::DoneStep,
@@ -100,7 +100,7 @@ impl<W: World> Debuggee<W> {
         (node.core_register(low), high.map(|high| node.core_register(high)))
     }
 
-    /// Writes a register only if its value differs, because a write of the same value may have effects too.
+    /// Writes a register only if its value changes, because a write of the same value may have effects too.
     fn write_number(&mut self, number: Number, words: (u32, Option<u32>)) {
         let (low, high) = number.of_core();
         for (register, value) in [(Some(low), Some(words.0)), (high, words.1)] {

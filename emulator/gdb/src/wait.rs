@@ -25,7 +25,7 @@ pub fn wait(port: u16, board: &str, image: &Path, say: &mut dyn FnMut(&str)) -> 
         "{board} is halted at power-on and waits at {address}:\n  gdb-multiarch {} -ex 'target remote {address}'",
         image.display()
     ));
-    // A run has only one debugger, so the listener is closed here.
+    // The listener is closed here, because a run has only one debugger.
     listener.accept().map(|(connection, _)| connection).map_err(failed)
 }
 

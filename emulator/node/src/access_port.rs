@@ -9,12 +9,12 @@ use emulator_part::Part;
 use super::{Board, Error, Firmware, Node};
 
 impl<B: Board, C: Cost> Node<B, C> {
-    /// Makes a node at power-on from `part` on `board`. The node runs what the part's memory holds, without symbols; a
-    /// new part holds no firmware.
+    /// Makes a node at power-on from `part` on `board`. The node runs what the part's memory holds, and has no symbols.
+    /// A new part holds no firmware.
     #[must_use]
     pub fn programmed(part: B::Part, board: B) -> Self {
         let mut node = Self::begin(part, board, &Firmware::raw("what is in flash", Vec::new()));
-        // The node does not report faults of the core as long as it does not know the firmware.
+        // Without a firmware that is known, the node does not report faults of the core.
         node.core.tell_faults(false);
         node
     }
@@ -67,7 +67,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         answer
     }
 
-    /// Calls `call` with the part and the present cycle. A debug port uses it for its other access ports.
+    /// Calls `call` with the part and the present cycle. A debug port reaches its other access ports in this way.
     pub fn with_part<T>(&mut self, call: impl FnOnce(&mut B::Part, u64) -> T) -> T {
         let at = self.present();
         let answer = self.side.with(at, |part, _| call(part, at));

@@ -9,7 +9,7 @@ use std::marker::PhantomData;
 
 use emulator_part::{Cycle, I2cAnswer, I2cEvent, Outside, Pad, Part, Pin, SpiFrame, Timebase, UartFrame};
 
-/// What a board does to a pin of its part.
+/// An action of a board on a pin of its part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Input {
     /// The board drives the pin (`Some`) or stops driving it (`None`).
@@ -46,7 +46,7 @@ pub trait Board: Clone + Debug + Send + 'static {
         I2cAnswer::NOBODY
     }
 
-    /// The voltage on a pin in microvolts, see [`Outside::microvolts`].
+    /// Returns the voltage on a pin in microvolts, see [`Outside::microvolts`].
     fn microvolts(&self, at: u64, pin: Pin) -> i32 {
         let _ = (at, pin);
         0
@@ -63,7 +63,8 @@ pub trait Board: Clone + Debug + Send + 'static {
         let _ = (at, inputs);
     }
 
-    /// Whether the board has output that its owner must take. If so, [`super::Node::advance`] returns at once.
+    /// Whether the board has output that the owner of the node must take. If so, [`super::Node::advance`] returns at
+    /// once.
     fn outgoing(&self) -> bool {
         false
     }
@@ -85,12 +86,12 @@ impl<P: Part> Board for Bare<P> {
     type Part = P;
 }
 
-/// A board as its part sees it: an [`Outside`] that converts the part's cycles into nanoseconds.
+/// A board from the view of its part: an [`Outside`] that converts the part's cycles into nanoseconds.
 #[derive(Debug)]
 pub struct View<'a, B> {
     pub(super) board: &'a mut B,
     pub(super) time: &'a Timebase,
-    /// Whether the part has done something that reaches the board.
+    /// Whether the part has acted on the board since the flag was cleared.
     pub(super) touched: &'a mut bool,
 }
 

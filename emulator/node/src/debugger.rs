@@ -45,7 +45,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.side.part.pin(pin)
     }
 
-    /// Fills `to` from `address` on, up to the first byte that nothing answers, and returns the number of bytes read.
+    /// Fills `to` from `address` on, up to the first byte at which nothing answers. Returns the number of bytes read.
     /// Memory is read directly. A word of a peripheral or of the core's own space is read on a copy of core and board,
     /// so the read has no side effects.
     #[must_use]
@@ -107,6 +107,12 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.core.debug_read(&mut self.side, address).ok()
     }
 
+    /// Reads the word at `address`, a multiple of 4, from memory, a peripheral or the core's own space. A read of a
+    /// peripheral has all its effects. `None` where nothing answers.
+    pub fn read_word(&mut self, address: u32) -> Option<u32> {
+        self.core.debug_read(&mut self.side, address).ok()
+    }
+
     /// Fills `to` from memory at `address`.
     ///
     /// # Errors
@@ -150,7 +156,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.read(self.address_of(symbol)?, to)
     }
 
-    /// A digest of all that the firmware could see: registers, RAM, time, instructions.
+    /// Returns a digest of everything that the firmware could observe: registers, RAM, time, instructions.
     #[must_use]
     pub fn digest(&self) -> u64 {
         let mut digest = Digest::new();

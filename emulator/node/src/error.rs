@@ -22,7 +22,7 @@ pub enum Error {
         /// The segment's length in bytes.
         length: usize,
     },
-    /// The flash contents that a part should keep do not have the size of its flash.
+    /// The flash contents that a part should keep have another size than the part's flash.
     #[error("{length} bytes are not what the {part} keeps")]
     OtherFlash {
         /// The name of the part.
@@ -48,7 +48,7 @@ pub enum Error {
         /// The requested name.
         symbol: String,
     },
-    /// A function of the image does not contain the bytes that were looked for exactly once.
+    /// The bytes that were looked for are not in a function of the image, or are there more than once.
     #[error("{function} holds {bytes:02x?} at {found}: is it another build of the firmware?")]
     NoPlace {
         /// The name of the function.

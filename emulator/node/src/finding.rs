@@ -29,14 +29,14 @@ pub enum FindingKind {
     Unreachable,
     /// The firmware's log lost bytes, or carries a frame that does not decode.
     LogOverrun,
-    /// The RTT control block or the data of a channel is not valid.
+    /// The RTT control block, or the data of a channel, is invalid.
     LogCorrupt,
-    /// The firmware restarted again and again, and did nothing else.
+    /// The firmware did nothing but restart, again and again.
     RestartLoop,
     /// The firmware ended the run itself with a status other than zero.
     ExitStatus,
-    /// An input reached a board after the instant at which it was due, so the run is not exact. Either a message took
-    /// less time than the stated lookahead, or an actor beside the board stated its next instant too late.
+    /// An input reached a board after the instant at which it was due, so the run is not exact. A message took less
+    /// time than the stated lookahead, or an actor beside the board stated its next instant too late.
     Late,
 }
 

@@ -70,7 +70,7 @@ impl Firmware {
         if !elf.starts_with(&ELFMAG) {
             return Err(refuse(&"not an ELF file: name the one that the linker wrote, no .hex, .bin or source"));
         }
-        // The file's kind is checked first, since it decides the layout of the rest.
+        // The kind of the file is checked first, because it determines the layout of everything else.
         if let Ok(any) = object::File::parse(&*elf)
             && (any.architecture() != Architecture::Arm || !any.is_little_endian())
         {
@@ -105,7 +105,7 @@ impl Firmware {
         let mut functions = Vec::new();
         for symbol in file.symbols() {
             let Ok(name) = symbol.name() else { continue };
-            // The symbols `$t` and `$d` mark code and data for disassemblers.
+            // The symbols `$t` and `$d` only tell disassemblers where code and data begin, so they are left out.
             if name.is_empty() || name.starts_with('$') || symbol.is_undefined() {
                 continue;
             }
@@ -118,7 +118,7 @@ impl Firmware {
             symbols.insert(name.to_owned(), Symbol { address, size: symbol.size() });
         }
         functions.sort_by(|a, b| (a.start, &a.name).cmp(&(b.start, &b.name)));
-        // An image may contain crates that log with defmt and yet not log itself. Such an image runs too.
+        // A crate in the image may log with defmt although the image has no log. Such an image runs too.
         let (log, log_error) = match defmt_decoder::Table::parse(&elf) {
             Ok(table) => (table, None),
             Err(error) => (None, Some(error.to_string())),
@@ -127,7 +127,7 @@ impl Firmware {
         Ok(Self(Arc::new(Contents { name: name.to_owned(), elf, segments, symbols, functions, log, log_error })))
     }
 
-    /// Makes an image of bytes at addresses, without symbols, for a test of a few hand-assembled instructions.
+    /// Makes an image of bytes at addresses, without symbols, for tests with a few hand-assembled instructions.
     #[must_use]
     pub fn raw(name: &str, segments: Vec<(u64, Vec<u8>)>) -> Self {
         Self::of(Contents { name: name.to_owned(), segments, ..Contents::default() })
@@ -160,8 +160,8 @@ impl Firmware {
         self.0.symbols.get(name).copied()
     }
 
-    /// The address of a variable or function whose demangled name ends in `name`, as whole path segments. The
-    /// compiler's hash at the end of a name does not count.
+    /// Returns the address of a variable or function by the end of its demangled path, `name`, in whole path segments.
+    /// The compiler's hash at the end of a symbol does not count.
     pub fn symbol_called(&self, name: &str) -> Option<u64> {
         self.variable_called(name).map(|symbol| symbol.address)
     }
@@ -183,8 +183,8 @@ impl Firmware {
         sizes.max().and_then(|size| usize::try_from(size).ok()).unwrap_or(0)
     }
 
-    /// The end of the image's sections in RAM between `from` and `top`. It is `from` if there are none, and `None` for
-    /// an image without sections.
+    /// Returns the end of the image's sections in RAM between `from` and `top`: `from` if there are none, and `None`
+    /// for an image without sections.
     pub(crate) fn placed_below(&self, from: u32, top: u32) -> Option<u32> {
         let file = object::File::parse(&*self.0.elf).ok()?;
         let mut any = false;
@@ -288,7 +288,7 @@ impl Firmware {
                 let raw = function.raw_name().ok()?;
                 Some(format!("{:#}", rustc_demangle::demangle(&raw)))
             });
-            // An outer frame exists, so the frame that was found is inlined.
+            // There is an outer frame, which shows that the frame found before is inlined.
             if let (Some(found), true) = (&mut found, outermost.is_some()) {
                 found.inlined = found.inlined.take().or_else(|| found.function.take());
             }
@@ -304,8 +304,8 @@ impl Firmware {
             }
             outermost = function;
         }
-        // Code that the linker removed is still in the debug information, at address 0. On a part whose flash begins at
-        // 0 it would hide the code that is there.
+        // The debug information still has code that the linker removed, at address 0. On a part whose flash begins at 0
+        // it would hide the code that is there.
         let start = self.function_at(address)?.start;
         let is_there = |name: &String| {
             let bare = |name: &str| name.rsplit("::").next().unwrap_or_default().to_owned();
@@ -321,14 +321,14 @@ impl Firmware {
 
 #[derive(Debug)]
 struct Source {
-    /// The function that contains the instruction, if the image states one.
+    /// The name of the function that contains the instruction, if the image has it.
     function: Option<String>,
-    /// That function, if it was inlined into another.
+    /// The name of the containing function, if it was inlined into another one.
     inlined: Option<String>,
     line: String,
 }
 
-/// The path of `file` relative to the directory in which it was compiled.
+/// Returns the path of `file` relative to the directory in which it was compiled.
 fn within<'a>(file: &'a str, directory: Option<&str>) -> &'a str {
     directory.and_then(|directory| file.strip_prefix(directory)?.strip_prefix('/')).unwrap_or(file)
 }

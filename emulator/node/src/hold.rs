@@ -1,9 +1,9 @@
 //! A debugger that halts a node's core, with breakpoints, watchpoints and steps.
 //!
 //! No time passes for a halted node: [`Node::advance`] returns at once. Whoever advances the node must also stop
-//! everything else of its world. A firmware then cannot detect that it was halted, and its watchdogs and the other
-//! board are not affected, as they would be on silicon. A debugger that only halts, reads and resumes does not change
-//! the run.
+//! everything else in the run. The firmware then cannot detect that it was halted. Its watchdogs and the other board
+//! are not affected, as they would be on silicon. A debugger that only halts, reads and resumes does not change the
+//! run.
 //!
 //! | what | rule |
 //! |---|---|
@@ -27,7 +27,7 @@ const FAULTS: std::ops::RangeInclusive<u16> = 3..=6;
 /// The reason for which a node's core halted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Halt {
-    /// The debugger requested it.
+    /// The debugger requested the halt.
     Asked,
     /// The next instruction is at a breakpoint.
     Breakpoint,
@@ -35,9 +35,9 @@ pub enum Halt {
     Watchpoint(Watched),
     /// A step is complete.
     Stepped,
-    /// The part was reset, and the debugger requested a halt then.
+    /// The part was reset, and the debugger had requested a halt after a reset.
     Reset,
-    /// The firmware ended in a HardFault, in an exception without a handler or in a lock-up, and the debugger requested
+    /// The firmware ended in a HardFault, in an exception without a handler or in a lock-up. The debugger had requested
     /// a halt at the end.
     Ended,
 }
@@ -49,7 +49,7 @@ pub enum Resume {
     Continue,
     /// The core executes one instruction.
     Step,
-    /// The core executes instructions until the next one is outside these addresses.
+    /// The core executes instructions until the next one is outside this range of addresses.
     StepWithin(Range<u32>),
 }
 
@@ -57,8 +57,8 @@ pub enum Resume {
 pub(super) struct Hold {
     halted: Option<Halt>,
     breakpoints: BTreeSet<u32>,
-    /// The program counter and the number of executed instructions when the core was resumed. A breakpoint there does
-    /// not halt the core again.
+    /// The program counter, and the number of executed instructions, when the core was resumed. A breakpoint at this
+    /// point does not halt the core again.
     resumed: Option<(u32, u64)>,
     step: Option<Step>,
     halts_after_reset: bool,
@@ -68,7 +68,7 @@ pub(super) struct Hold {
 #[derive(Clone, Debug)]
 struct Step {
     within: Range<u32>,
-    /// The stepped code's program counter, stack pointer and active exception.
+    /// Where the step began: the program counter, the stack pointer and the active exception.
     place: (u32, u32, u16),
     away: bool,
 }
@@ -92,7 +92,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.hold.halted = None;
         self.hold.step = match how {
             Resume::Continue => None,
-            // The range is empty, so the step ends after one instruction.
+            // An empty range makes the step end after one instruction.
             Resume::Step => Some(Step { within: 0..0, place, away: false }),
             Resume::StepWithin(within) => Some(Step { within, place, away: false }),
         };
@@ -107,7 +107,7 @@ impl<B: Board, C: Cost> Node<B, C> {
     /// Removes a breakpoint. Returns whether it was set.
     pub fn clear_breakpoint(&mut self, address: u32) -> bool {
         let was = self.hold.breakpoints.remove(&(address & !1));
-        // The node itself may stop at this address to report an event. That stop remains.
+        // The node itself may stop at this address to report an event, so its own stop must remain.
         if was && !self.is_trap(u64::from(address & !1)) {
             self.core.clear_breakpoint(address);
         }
@@ -169,7 +169,8 @@ impl<B: Board, C: Cost> Node<B, C> {
             step.place = place;
         } else if executed || entered && FAULTS.contains(&place.2) {
             self.hold.step = None;
-            // A watchpoint is a more specific reason to halt than the end of a step.
+            // If a watchpoint has halted the core, that reason is kept, because it is more specific than the end of a
+            // step.
             if exit != Exit::Watchpoint {
                 self.halt_for(Halt::Stepped);
             }
@@ -184,7 +185,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         if !self.hold.breakpoints.contains(&pc) {
             return;
         }
-        // Handling a trap at this address may have removed the debugger's breakpoint.
+        // The handling of a trap may have removed the debugger's breakpoint at this address.
         self.core.set_breakpoint(pc);
         if self.hold.resumed != Some((pc, self.core.retired())) {
             self.halt_for(Halt::Breakpoint);
@@ -203,8 +204,8 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
-    /// Halts, if requested, at a trap or lock-up that is the firmware's end. `before` is the number of findings before
-    /// it.
+    /// Halts, if the debugger has requested it, at a trap or a lock-up that ends the firmware. `before` is the number
+    /// of findings before it.
     pub(super) fn hold_at_end(&mut self, before: usize) {
         let ended = self.findings().iter().skip(before).any(|finding| finding.kind.ends_run());
         if ended && self.hold.halts_at_end {

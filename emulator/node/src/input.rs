@@ -12,8 +12,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         &self.side.board
     }
 
-    /// Lets `act` change the board's chips, or take their output. What the chips do to the part's pins takes effect at
-    /// the present instant.
+    /// Lets `act` change the board's chips, or take their output. The part's pins change at the present instant.
     pub fn board_mut<T>(&mut self, act: impl FnOnce(&mut B) -> T) -> T {
         let answer = act(&mut self.side.board);
         let at = self.present();

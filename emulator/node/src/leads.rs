@@ -1,4 +1,5 @@
-//! A board with nothing but leads to the part's pins: some are watched or driven, and some have a UART at the far end.
+//! A board that has only leads at the part's pins. Some pins are watched, some are driven, and some have a UART at the
+//! far end.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::marker::PhantomData;
@@ -18,23 +19,23 @@ pub struct PinEdge {
     pub pad: Pad,
 }
 
-/// A change of what the outside drives onto a watched pin.
+/// A change of the level that is driven from outside onto a watched pin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DrivenEdge {
     /// The instant of the change, in virtual nanoseconds.
     pub at: u64,
     /// The pin that is driven.
     pub pin: Pin,
-    /// The level from then on; `None` if the outside drives the pin no longer.
+    /// The level from then on; `None` if the pin is no longer driven from outside.
     pub level: Option<bool>,
 }
 
-/// A level that the outside drives onto a pin.
+/// A level that is driven onto a pin from outside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Drive {
     /// The instant from which the level is driven, in virtual nanoseconds.
     pub at: u64,
-    /// The pin that is driven.
+    /// The pin onto which the level is driven.
     pub pin: Pin,
     /// Whether the level is high.
     pub level: bool,
@@ -49,21 +50,21 @@ pub struct Sending {
     pub pin: Pin,
     /// The baud rate in bits per second.
     pub baud: u32,
-    /// The bytes to send.
+    /// The bytes to send to the pin, in order.
     pub bytes: Vec<u8>,
 }
 
-/// The leads that are connected to a part that is otherwise alone.
+/// The leads that connect the pins of a part that has no board.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Connected {
-    /// The pins whose changes are reported, at the latest at the end of the UART or SPI frame that makes the change.
-    /// The levels of I2C are not reported.
+    /// The pins whose changes are reported. A change within a UART or SPI frame is reported at the end of the frame at
+    /// the latest. The levels of I2C are not reported.
     pub watched: Vec<Pin>,
-    /// The levels that are driven onto pins.
+    /// The levels that are driven onto pins from outside.
     pub driven: Vec<Drive>,
-    /// The pins whose UART frames are collected.
+    /// The pins whose UART frames are collected as bytes.
     pub listened: Vec<Pin>,
-    /// The bytes that are sent.
+    /// The bytes that are sent to pins.
     pub sent: Vec<Sending>,
     /// Pairs of pins with a wire between them. A level or UART frame that the part sends on one pin arrives at the
     /// other.
@@ -81,7 +82,7 @@ pub struct SentByte {
     pub byte: u8,
 }
 
-/// A board with leads to the part's pins.
+/// A board that has only leads at the part's pins.
 #[derive(Clone, Debug)]
 pub struct Leads<P> {
     wires: Vec<[Pin; 2]>,
@@ -91,10 +92,10 @@ pub struct Leads<P> {
     edges: Vec<PinEdge>,
     driven: Vec<DrivenEdge>,
     heard: Vec<SentByte>,
-    /// The inputs that are still to come, by instant, and in order at one instant.
+    /// The inputs that the part has yet to get, by their instant and then by their order.
     plan: BTreeMap<(u64, u64), Input>,
     planned: u64,
-    /// For each pin to which bytes were sent, the instant at which the line is free for the next one.
+    /// For each pin to which bytes are sent, the instant, ns, at which the line is free for the next byte.
     free_at: BTreeMap<Pin, u64>,
     awaited: Option<Pin>,
     arrived: bool,
@@ -145,20 +146,20 @@ impl<P> Leads<P> {
         let mut at = at.max(self.free_at.get(&pin).copied().unwrap_or(0));
         for &byte in bytes {
             let frame = UartFrame::eight_n_one(byte, baud.max(1));
-            // [`Input::Frame`] is due at the frame's end, with the instant at which the frame begins.
+            // A frame is an input at its end, and carries the instant at which it begins.
             self.plan(at + frame.ns(), Input::Frame(pin, at, frame));
             at += frame.ns();
         }
         self.free_at.insert(pin, at);
     }
 
-    /// Watches `pin` from now on, as those in [`Connected::watched`].
+    /// Watches `pin` from now on, as if it were in [`Connected::watched`].
     pub fn watch(&mut self, pin: Pin) {
         self.watched.insert(pin);
     }
 
-    /// Makes the node return from [`super::Node::advance`] at each change of `pin` and each byte sent on it, of those
-    /// that are watched and listened to.
+    /// Makes the node return from [`super::Node::advance`] at each change of `pin` if it is watched, and at each byte
+    /// sent on it if bytes are collected.
     pub fn wait_for(&mut self, pin: Option<Pin>) {
         self.awaited = pin;
     }
@@ -170,13 +171,13 @@ impl<P> Leads<P> {
         std::mem::take(&mut self.edges)
     }
 
-    /// Takes the changes of what the outside drives onto watched pins since the last call, in order.
+    /// Takes, in order, the changes since the last call of the levels driven from outside onto watched pins.
     pub fn take_driven(&mut self) -> Vec<DrivenEdge> {
         self.driven.sort_by_key(|edge| edge.at);
         std::mem::take(&mut self.driven)
     }
 
-    /// Records the state of `pin` from `at` (ns) on, if the pin is watched and its state changes.
+    /// Records the new state of `pin` at `at` (ns), if the pin is watched and its state has changed.
     fn note(&mut self, at: u64, pin: Pin, pad: Pad) {
         if self.pads.insert(pin, pad) != Some(pad) && self.watched.contains(&pin) {
             self.edges.push(PinEdge { at, pin, pad });
@@ -184,7 +185,7 @@ impl<P> Leads<P> {
         }
     }
 
-    /// Records a level within a frame. Between frames the pin has the level that [`Board::pin`] told.
+    /// Records a level within a frame. Between frames [`Board::pin`] reports the pin's level.
     fn note_bit(&mut self, at: u64, pin: Pin, level: bool) {
         if self.watched.contains(&pin) {
             self.note(at, pin, Pad::Driven(level));
@@ -202,7 +203,7 @@ impl<P> Leads<P> {
         std::mem::take(&mut self.heard)
     }
 
-    /// Carries an input over the wires to the pins that are joined to `pin`.
+    /// Passes an input on to the pins that a wire joins to `pin`.
     fn carry(&mut self, at: u64, pin: Pin, input: impl Fn(Pin) -> Input) {
         for index in 0..self.wires.len() {
             let [one, other] = self.wires[index];
@@ -319,13 +320,13 @@ mod tests {
     fn a_watched_pin_shows_the_bits_of_a_uart_frame() {
         let mut leads = Leads::<Nrf52840>::new(Connected { watched: vec![ONE], ..Connected::default() });
         leads.pin(0, ONE, Pad::Driven(true));
-        // The frame is 0x43 with even parity, at 1 Mbit/s: 0 11000010 1 1.
+        // The frame has 0x43 with even parity, at 1 Mbit/s: the bits are 0 11000010 1 1.
         let frame = UartFrame { parity: UartParity::Even, ..UartFrame::eight_n_one(0x43, 1_000_000) };
         leads.uart(20_000, ONE, &frame);
         leads.uart(20_000, OTHER, &frame);
         let levels = [(0, true), (9, false), (10, true), (12, false), (16, true), (17, false), (18, true)];
         assert_eq!(changes(&mut leads), levels.map(|(us, level)| (us * 1_000, Pad::Driven(level))));
-        // The line is high again, so that the next frame begins with an edge.
+        // The line is high before the next frame, which therefore begins with an edge.
         leads.uart(40_000, ONE, &UartFrame::eight_n_one(0xFF, 1_000_000));
         assert_eq!(changes(&mut leads), [(30_000, Pad::Driven(false)), (31_000, Pad::Driven(true))]);
     }

@@ -92,7 +92,7 @@ pub use usage::{LineEdge, Usage};
 /// One board that runs one firmware: a core, its part, the chips around it, and the clock between them.
 ///
 /// [`Node::advance`] runs the core until an instant is reached. Events of the part and of the board happen on the way,
-/// each at its own instant. The node is plain data, and a clone runs on as the original does.
+/// each at its own instant. A node is plain data, and its clone runs on as the original does.
 #[derive(Clone, Debug)]
 pub struct Node<B: Board, C: Cost = Fast> {
     core: Core<C>,
@@ -103,16 +103,16 @@ pub struct Node<B: Board, C: Cost = Fast> {
     traps: Traps,
     hold: Hold,
     powered: bool,
-    /// The lowest supply voltage, in µV, since the supply began to hold the part in reset.
+    /// The lowest supply voltage, in µV, since the supply fell so far that it holds the part in reset.
     lowest: u32,
     debugged: bool,
     told_halt: bool,
-    /// The exceptions that became active, each with its instant in ns; `None` if they are not recorded.
+    /// The exceptions that became active, each with its instant in ns; `None` while they are not recorded.
     tasks: Option<Vec<(u64, u16)>>,
     resets: Vec<ResetAt>,
     probe_at: u64,
     log_block: Option<Symbol>,
-    /// The virtual instant, in ns, of the next search of RAM for the log's control block.
+    /// The virtual instant, in ns, at which RAM is next searched for the log's control block.
     search_at: u64,
     log: rtt::Channels,
     lines: Vec<LogLine>,
@@ -121,7 +121,7 @@ pub struct Node<B: Board, C: Cost = Fast> {
     reported: BTreeSet<(FindingKind, String)>,
 }
 
-/// The instructions before which the node stops to report an event of the firmware.
+/// The addresses of the instructions before which the node stops to report an event of the firmware.
 #[derive(Clone, Debug, Default)]
 struct Traps {
     default_handler: BTreeSet<u64>,

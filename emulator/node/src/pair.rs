@@ -16,9 +16,9 @@ use super::{Board, Node};
 
 /// The least times of a crossing from one board to the other, in virtual nanoseconds.
 ///
-/// At least one of the two must not be zero. [`Lookahead::NEVER`] is for a direction in which nothing ever passes. If a
-/// controller on one board reads an answer of the other within one transfer, the time must be less than a byte of its
-/// bus takes: 1 µs at 8 MHz.
+/// At least one of the two times must not be zero. [`Lookahead::NEVER`] is for a direction in which nothing ever
+/// passes. If a controller on one board reads an answer of the other within one transfer, the time must be less than a
+/// byte on the bus takes: 1 µs at 8 MHz.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lookahead {
     /// The least time from the first board to the second.
@@ -36,7 +36,7 @@ impl Lookahead {
 /// undelivered messages.
 const MOST_LEAD: u64 = 1_000_000;
 
-/// The undelivered messages, each with the instant at which it arrives.
+/// The messages on the way, each with the instant at which it arrives.
 #[derive(Debug)]
 pub struct Sent<M> {
     queue: BTreeMap<(u64, u64), M>,
@@ -78,23 +78,23 @@ pub trait Between<A: Board, B: Board, C: Cost = Fast> {
     /// The least times of a crossing.
     fn lookahead(&self) -> Lookahead;
 
-    /// Takes what left the first board, and sends each message with the instant of its arrival.
+    /// Takes what left the first board, and sends it to the second, each message with the instant of its arrival.
     fn leave_a(&mut self, node: &mut Node<A, C>, to_b: &mut Sent<Self::ToB>) {
         let _ = (node, to_b);
     }
 
-    /// Takes what left the second board, and sends each message with the instant of its arrival.
+    /// Takes what left the second board, and sends it to the first, each message with the instant of its arrival.
     fn leave_b(&mut self, node: &mut Node<B, C>, to_a: &mut Sent<Self::ToA>) {
         let _ = (node, to_a);
     }
 
-    /// Delivers `message`, which is due at `at`, to the first board, which has reached `at`. An implementation uses
-    /// [`Node::input`].
+    /// Delivers `message`, which is due at `at`, to the first board, which has reached that instant. Implementations
+    /// use [`Node::input`].
     fn arrive_a(&mut self, at: u64, message: Self::ToA, node: &mut Node<A, C>) {
         let _ = (at, message, node);
     }
 
-    /// Delivers `message`, which is due at `at`, to the second board, which has reached `at`.
+    /// Delivers `message`, which is due at `at`, to the second board, which has reached that instant.
     fn arrive_b(&mut self, at: u64, message: Self::ToB, node: &mut Node<B, C>) {
         let _ = (at, message, node);
     }

@@ -40,9 +40,9 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.probe_log(now);
     }
 
-    /// Overwrites the firmware's log with zeros, as debug probes do before a start. Until start-up code has written the
-    /// control block anew, RAM holds noise or the block of an earlier start. If another probe is attached, it clears
-    /// the block by itself.
+    /// Overwrites the firmware's log with zeros, as debug probes do before a start. Until start-up code has written a
+    /// new control block, RAM holds noise or the block of an earlier start. If another probe is attached, the block is
+    /// left to that probe.
     pub(super) fn clear_log(&mut self) {
         if let Some(block) = self.log_block.filter(|_| !self.debugged) {
             let size = usize::try_from(block.size).unwrap_or(0);
@@ -51,10 +51,10 @@ impl<B: Board, C: Cost> Node<B, C> {
     }
 
     pub(super) fn probe_log(&mut self, at: u64) {
-        // RAM is searched only for a firmware with an ELF file. Otherwise an attached probe that has the file reads the
-        // log.
+        // RAM is searched only if the node knows the firmware's ELF file. Otherwise an attached probe that has the file
+        // reads the log.
         if self.log_block.is_none() && self.firmware.is_a_file() && at >= self.search_at {
-            // The searches become rarer, since a firmware that logs does so early.
+            // A firmware that logs does so early, so the searches become rarer.
             self.search_at = at + at.clamp(PROBE_PERIOD, LONGEST_SEARCH);
             self.log_block = rtt::find(&self.side.part).map(|address| Symbol { address, size: 0 });
         }

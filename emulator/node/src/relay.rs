@@ -1,7 +1,7 @@
 //! Two boards, one of which only sends and the other only receives.
 //!
 //! Nothing passes back to the first board, so it may run on its own thread, ahead of the second board. The second board
-//! begins a millisecond of virtual time only after the first has completed it. A message reaches the second board a
+//! begins a millisecond of virtual time only after the first has completed it. The second board learns of a message a
 //! fixed virtual time ahead of the message's instant, which the [`Downstream`] must allow for. A run depends only on
 //! virtual instants, and never on the order of threads.
 //!
@@ -15,14 +15,14 @@ use cortex_m4::{Cost, Fast};
 
 use super::{Board, Node};
 
-/// The piece of time in which each board runs, in virtual ns.
+/// The length, virtual ns, of the pieces of time in which each board runs.
 const PIECE: u64 = 1_000_000;
 
-/// The longest time by which a message is delivered ahead of its instant, in virtual ns.
+/// The longest time, virtual ns, by which a message is passed on ahead of its instant.
 const HEARD_AHEAD: u64 = 1_000_000;
 
-/// The number of pieces by which the first board may be ahead on its own thread. It is enough that neither thread waits
-/// for the other's bursts, and few enough that little data waits.
+/// The number of pieces by which the first board may be ahead on its own thread. The number is large enough that
+/// neither thread waits for the other's bursts, and small enough that little data is stored.
 const LEAD: usize = 50;
 
 /// The surroundings of the first board, from which messages leave.
@@ -30,13 +30,13 @@ pub trait Upstream<A: Board, C: Cost = Fast>: Send {
     /// A message that leaves the board.
     type Message: Send;
 
-    /// Other reports about the board: its log, a trace.
+    /// Other reports about the board, such as its log or a trace.
     type Notes: Send;
 
     /// Adds what left the board to `sent`, each message with its instant (virtual ns), in order of time.
     fn leave(&mut self, node: &mut Node<A, C>, sent: &mut Vec<(u64, Self::Message)>);
 
-    /// Takes the other reports since the last call. It is called at least once a millisecond of virtual time.
+    /// Takes the other reports since the last call. It is called at least once in a millisecond of virtual time.
     fn notes(&mut self, node: &mut Node<A, C>) -> Self::Notes;
 
     /// The next instant (virtual ns) at which an actor beside the board acts on it, `u64::MAX` for never.
@@ -70,7 +70,7 @@ pub trait Downstream<B: Board, C: Cost = Fast> {
         let _ = node;
     }
 
-    /// The next instant (virtual ns) at which an actor beside the board acts on it, `u64::MAX` for never.
+    /// The next instant (virtual ns) at which an actor beside the board acts on the board, `u64::MAX` for never.
     fn next_at(&self) -> u64 {
         u64::MAX
     }
@@ -91,17 +91,17 @@ pub enum Threads {
     Two,
 }
 
-/// The first board's report about a piece of time.
+/// The report of the first board about one piece of time.
 #[derive(Debug)]
 struct Interval<M, N> {
     sent: Vec<(u64, M)>,
     notes: N,
-    /// The instant before which all messages have been sent.
+    /// The instant before which the board has sent all its messages.
     reached: u64,
     ended: bool,
 }
 
-/// Two boards and their surroundings. Between two runs no message is under way, so a clone is complete.
+/// Two boards and their surroundings. Between two runs no message is on the way, so a clone is complete.
 #[derive(Clone, Debug)]
 pub struct Relay<A: Board, B: Board, U, D, C: Cost = Fast> {
     /// The board that sends.
@@ -149,7 +149,7 @@ where
                             }
                         }
                     });
-                    // Returning drops the channel's receiver, which ends the other thread.
+                    // The return drops the receiver of the channel, which ends the other thread.
                     follow(b, downstream, end, step, move || told.recv().ok(), each)
                 })
             }
@@ -157,8 +157,8 @@ where
     }
 
     /// Runs both boards along `course`, on the caller's thread, to the end of its next step or to the halt of a board
-    /// by its debugger ([`Node::halted`]). After a halt both boards stand still, and the next call continues once the
-    /// halted board is resumed. Halts do not change the results.
+    /// by its debugger ([`Node::halted`]). After a halt both boards stand still, and the next call continues when the
+    /// halted board has been resumed. Halts do not change the results.
     pub fn run_course(&mut self, course: &mut Course<U::Message>) -> Way {
         let Self { a, b, upstream, downstream } = self;
         let Course { lead, follower, end, step } = course;
@@ -166,7 +166,7 @@ where
     }
 }
 
-/// The progress of a [`Relay`], with the messages under way. It can be interrupted at any instant.
+/// The progress of a [`Relay`], with the messages on the way. It can be interrupted at any instant.
 #[derive(Clone, Debug)]
 pub struct Course<M> {
     lead: Lead<M>,
@@ -201,7 +201,7 @@ pub enum Way {
 #[derive(Clone, Debug)]
 struct Lead<M> {
     sent: Vec<(u64, M)>,
-    /// The end of the piece that the board has begun; `None` between two pieces.
+    /// The end of the piece that the board is running; `None` between two pieces.
     to: Option<u64>,
 }
 
@@ -245,7 +245,7 @@ fn follow<B: Board, C: Cost, D: Downstream<B, C>, E>(
     mut tell: impl FnMut() -> Option<Interval<D::Message, D::Notes>>,
     mut each: impl FnMut(u64, &mut Node<B, C>, &mut D) -> Result<(), E>,
 ) -> Result<(), E> {
-    // The ends of steps are multiples of `step`, even if a board has passed one by part of an instruction.
+    // Steps end at multiples of `step`, even if a board has passed such an end by a part of an instruction.
     let mut follower = Follower::new(node.now() / step * step);
     while follower.at < end {
         let Way::Reached(at) = follower.step(node, downstream, end, step, &mut tell) else { break };
@@ -257,7 +257,7 @@ fn follow<B: Board, C: Cost, D: Downstream<B, C>, E>(
 #[derive(Clone, Debug)]
 struct Follower<M> {
     on_the_way: VecDeque<(u64, M)>,
-    /// The instant up to which the first board has reported.
+    /// The instant up to which the first board's reports have been received.
     reached: u64,
     ended: bool,
     at: u64,
@@ -268,8 +268,8 @@ impl<M> Follower<M> {
         Self { on_the_way: VecDeque::new(), reached: 0, ended: false, at }
     }
 
-    /// Runs the second board to the end of its next step. `tell` returns the first board's next report, or `None` if
-    /// that board is halted. After a halt the next call continues the step.
+    /// Runs the second board to the end of its next step. `tell` returns the next report of the first board, or `None`
+    /// if that board is halted. After a halt the next call continues the step.
     fn step<B: Board, C: Cost, D: Downstream<B, C, Message = M>>(
         &mut self,
         node: &mut Node<B, C>,
@@ -306,12 +306,12 @@ impl<M> Follower<M> {
                 downstream.hear(at, message, node);
             }
             let unheard = self.on_the_way.front().map_or(u64::MAX, |(at, _)| at - HEARD_AHEAD);
-            // A delivered message may have moved the actor's next instant.
+            // The actor's next instant is read again, because a delivered message may have moved it.
             let next = downstream.next_at();
             node.advance(to.min(next).min(piece).min(unheard));
         }
         if to == end {
-            // Reports that were not needed until now, and messages for instants after the end, are delivered here.
+            // At the end of the step all remaining reports are taken, and messages for later instants are delivered.
             while !self.ended {
                 let Some(told) = tell() else { return Way::Halted };
                 self.hear(told, downstream);

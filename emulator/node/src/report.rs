@@ -6,7 +6,7 @@ use emulator_part::{Part, Reset};
 use super::finding::{Finding, FindingKind};
 use super::{Board, Node, memory};
 
-/// The maximum number of findings that a node keeps, since a firmware in a loop could make very many.
+/// The maximum number of findings that a node keeps, because a firmware in a loop could make very many.
 const MOST_FINDINGS: usize = 200;
 
 /// The addresses of the Configurable Fault Status, HardFault Status and Bus Fault Address registers, ARMv7-M ARM B3.2.
@@ -16,7 +16,7 @@ const BFAR: u32 = 0xE000_ED38;
 
 pub(super) const BRANCH_TO_ITSELF: u64 = 0xE7FE;
 
-/// The exception number of HardFault, ARMv7-M ARM table B1-4. MemManage, BusFault and UsageFault follow.
+/// The exception number of HardFault, ARMv7-M ARM table B1-4. Those of MemManage, BusFault and UsageFault follow.
 const HARD_FAULT: u16 = 3;
 
 impl<B: Board, C: Cost> Node<B, C> {
@@ -24,12 +24,12 @@ impl<B: Board, C: Cost> Node<B, C> {
     pub fn take_findings(&mut self) -> Vec<Finding> {
         self.report_errors();
         let mut findings = std::mem::take(&mut self.findings);
-        // At one instant the part's findings come first, since they explain why the core stops.
+        // At one instant the findings of the part come first, because they explain why the core stops.
         findings.sort_by_key(|finding| (finding.at, finding.kind.ends_run()));
         findings
     }
 
-    /// The findings that were not taken yet.
+    /// The findings that have not been taken yet.
     #[must_use]
     pub fn findings(&self) -> &[Finding] {
         &self.findings
@@ -57,7 +57,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
-    /// Takes over new findings of the models and the core.
+    /// Takes over the new findings of the models and the core.
     fn report_errors(&mut self) {
         self.side.changed(self.present());
         let mut found = std::mem::take(&mut self.side.findings);
@@ -79,7 +79,7 @@ impl<B: Board, C: Cost> Node<B, C> {
 
     pub(super) fn trapped(&mut self) {
         let pc = u64::from(self.core.pc());
-        // A handler that is only a branch to itself reaches this stop in every turn.
+        // A handler that consists of a branch to itself would stop the node here in every turn.
         if memory::value(&self.side.part, pc, 2) == Some(BRANCH_TO_ITSELF) {
             self.core.clear_breakpoint(self.core.pc());
         }
@@ -118,9 +118,9 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.locked_up();
     }
 
-    /// Whether the core has just entered the vector table's HardFault handler, for HardFault or for another fault with
-    /// the same handler. A fault with another handler may be normal operation: a system may let a stack grow, or end
-    /// one task of many.
+    /// Whether the core has just entered the HardFault handler of the vector table, for HardFault or for another fault
+    /// with the same handler. A fault with a handler of its own may be normal operation: a system may let a stack grow,
+    /// or end one task of many.
     pub(super) fn is_in_hard_faults_handler(&self) -> bool {
         let vector = u64::from(self.core.vector_table()) + 4 * u64::from(HARD_FAULT);
         let handler = memory::value(&self.side.part, vector, 4).map(|handler| handler & !1);
@@ -169,8 +169,9 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.find(FindingKind::Panic, Some(pc), text);
     }
 
-    /// The address of the call in the firmware's own code that led to the panic: the innermost return address on the
-    /// stack that is not in a library. A word may look like a return address by chance, but that is rare.
+    /// Returns the address of the call in the firmware's own code that led to the panic. It is the innermost return
+    /// address on the stack that is not in a library. A word may look like a return address by chance, but that is
+    /// rare.
     fn panicking_call(&self) -> Option<u64> {
         const LIBRARIES: [&str; 5] = ["core::", "<core::", "alloc::", "<alloc::", "compiler_builtins::"];
         let part = &self.side.part;
@@ -185,8 +186,8 @@ impl<B: Board, C: Cost> Node<B, C> {
         })
     }
 
-    /// The source line in a `PanicInfo`. The layout is not stable, but it holds a `&Location` {file name, its length,
-    /// line, column}. The first word that points to something of this form is taken.
+    /// Returns the source line in a `PanicInfo`. Its layout is not stable, but it holds a `&Location` {file name, its
+    /// length, line, column}. The first word that points to something of this form is taken.
     fn panic_place(&self) -> Option<String> {
         let info = u64::from(self.register(0));
         let part = &self.side.part;

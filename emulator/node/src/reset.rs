@@ -28,7 +28,7 @@ impl ResetAt {
     }
 }
 
-/// A cause outside the part that restarts it, see [`Node::restart`].
+/// The cause of a restart from outside the part, see [`Node::restart`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FromOutside {
     /// The reset pin was pulled low for a moment. RAM keeps its contents.
@@ -58,17 +58,17 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
-    /// Switches the part's supply off. The core executes nothing and its pins are not driven until [`Node::power_on`].
-    /// The board's chips go on; the caller decides whether they have a supply. Does nothing to a part that is off.
+    /// Switches the part's supply off. The core executes nothing, and its pins are not driven until [`Node::power_on`].
+    /// The board's chips go on, because the caller decides whether they have a supply. A part that is off stays off.
     pub fn power_off(&mut self) {
         if !self.powered {
             return;
         }
         let at = self.present();
-        // The firmware's last lines cannot be read afterwards.
+        // The log is read now, because the firmware's last lines cannot be read afterwards.
         self.probe_log(self.now());
         self.powered = false;
-        // Without a supply the part is as at power-on before its core begins: all pins are open.
+        // Without a supply the part is put into its state at power-on, in which all pins are open.
         self.side.with(at, |part, view| part.reset(at, Reset::PowerOn, view));
         self.side.reset = None;
         self.side.settle(at);
@@ -88,9 +88,9 @@ impl<B: Board, C: Cost> Node<B, C> {
     }
 
     /// Sets the part's supply to `microvolts`. A supply that holds the part in reset counts as off. When the supply
-    /// returns, RAM keeps everything if the voltage stayed above 1.4 V, and nothing if it fell below 0.4 V. In between
-    /// RAM keeps some pieces of eight bytes (assumed, since no data sheet says). `seed` decides what is lost, and what
-    /// goes wrong at a voltage too low for the part's work.
+    /// returns, RAM has kept everything if the voltage stayed above 1.4 V, and nothing if it fell below 0.4 V. In
+    /// between RAM keeps some pieces of eight bytes (assumed, since no data sheet says). `seed` decides what is lost,
+    /// and what goes wrong at a voltage too low for the part.
     pub fn supply(&mut self, microvolts: u32, seed: u64) {
         let supplied = self.input(|part, view, at| part.supply(at, microvolts, seed, view));
         match supplied {
@@ -118,8 +118,8 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.side.part.take_supply_warning()
     }
 
-    /// Makes the core execute nothing and take no interrupt until the part is reset, see [`cortex_m4::Core::hang`]. A
-    /// watchdog that the firmware no longer feeds may do that. Does nothing to a part without supply.
+    /// Makes the core execute nothing and take no interrupt until the part is reset, see [`cortex_m4::Core::hang`]. The
+    /// watchdog may reset it, because the firmware no longer feeds it. A part without supply is not affected.
     pub fn hang(&mut self) {
         if self.powered {
             self.core.hang();
@@ -140,20 +140,20 @@ impl<B: Board, C: Cost> Node<B, C> {
 
     pub(super) fn reset_by(&mut self, cause: Reset) {
         let at = self.present();
-        // Start-up code clears the log's buffer.
+        // The log is read before start-up code clears its buffer.
         self.probe_log(self.now());
         self.resets.push(ResetAt { at: self.now(), cause });
         self.side.with(at, |part, view| part.reset(at, cause, view));
         self.side.reset = None;
         self.side.settle(at);
         self.core.reset(&mut self.side);
-        // Some models are made anew and assume that the core runs, others keep their state.
+        // The models are told again whether the core is halted: some are made anew and assume that the core runs.
         self.told_halt = self.told_halt && !self.core.is_halted();
         self.tell_halt();
         let unfinished = self.log.finish(self.now());
         self.lines.extend(unfinished);
         self.clear_log();
-        // These events may happen again after the restart and must then be reported again.
+        // A fault may happen again after the restart, and must then be reported again.
         self.reported.retain(|(kind, _)| *kind != FindingKind::HardFault && *kind != FindingKind::UnhandledInterrupt);
         self.arm();
         self.hold_after_reset();

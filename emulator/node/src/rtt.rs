@@ -1,4 +1,4 @@
-//! SEGGER RTT as a debug probe reads it, and the defmt stream within it.
+//! Reads SEGGER RTT as a debug probe does, and the defmt stream in it.
 //!
 //! A firmware keeps a control block called `_SEGGER_RTT`: the magic, the numbers of up and down channels, then 24 bytes
 //! for each channel {name, buffer, size, write offset, read offset, flags}. The probe reads an up channel from the read
@@ -18,9 +18,9 @@ use emulator_part::Part;
 use super::finding::FindingKind;
 use super::{Firmware, memory};
 
-/// The length in bytes of a short message, which fits into a buffer that is not nearly full.
+/// The length, bytes, of a short message. It fits into a buffer that is not nearly full.
 const SHORT_MESSAGE: u64 = 32;
-/// The first bytes of every initialised control block. The firmware writes them last.
+/// The magic: the first bytes of every initialised control block. The firmware writes them last.
 pub(super) const MAGIC: &[u8; 16] = b"SEGGER RTT\0\0\0\0\0\0";
 const UP_COUNT: u64 = 16;
 const CHANNELS: u64 = 24;
@@ -48,7 +48,7 @@ pub(crate) enum RttFault {
 pub(crate) struct Drained {
     pub(crate) bytes: Vec<u8>,
     pub(crate) in_use: bool,
-    /// Whether the buffer was full and the firmware does not wait for room, so that data is lost.
+    /// Whether data was lost, because the buffer was full and the firmware does not wait for room.
     pub(crate) overran: bool,
 }
 
@@ -62,14 +62,14 @@ pub(crate) fn count<P: Part>(part: &P, block: u64) -> Result<u64, RttFault> {
     }
     match memory::value(part, block + UP_COUNT, 4).unwrap_or(0) {
         count @ 1..=MOST_CHANNELS => Ok(count),
-        // Start-up code may copy the block from flash into RAM, the name before the number.
+        // Start-up code may be copying the block from flash into RAM, with the name before the number.
         0 => Err(RttFault::NotYet),
         count => Err(RttFault::Corrupt(format!("the RTT control block counts {count} up channels"))),
     }
 }
 
-/// Finds a control block in RAM, for an image whose symbols do not tell its address: the first one with the magic at a
-/// multiple of four and a possible number of channels.
+/// Finds a control block in RAM, for an image whose symbols do not give its address. It is the first one with the magic
+/// at a multiple of four and a possible number of channels.
 pub(crate) fn find<P: Part>(part: &P) -> Option<u64> {
     P::RAM.iter().find_map(|&(start, size)| {
         let bytes = part.memory(start, size)?;
@@ -95,7 +95,7 @@ pub(crate) fn drain<P: Part>(part: &mut P, block: u64, channel: u64) -> Result<D
     let entry = block + CHANNELS + CHANNEL_BYTES * channel;
     let (buffer, size) = (word(part, entry + 4), word(part, entry + 8));
     let (write, read) = (word(part, entry + 12), word(part, entry + 16));
-    // A RAM test at the start of a firmware writes zeros and ones over the old control block, and the magic may remain.
+    // A firmware's RAM test writes zeros and ones over the old control block, of which the magic may remain.
     if size == 0 || [size, write, read].contains(&u64::from(u32::MAX)) {
         return Ok(Drained::default());
     }
@@ -103,7 +103,7 @@ pub(crate) fn drain<P: Part>(part: &mut P, block: u64, channel: u64) -> Result<D
         let text = format!("RTT up channel {channel} has offsets {write} and {read} in {size} bytes");
         return Err(RttFault::Corrupt(text));
     }
-    // The range is checked before the copy, since an invalid size may be large.
+    // The range is checked before the copy, because an invalid size may be large.
     let extent = u32::try_from(buffer).ok().zip(usize::try_from(size).ok());
     if extent.and_then(|(buffer, size)| part.memory(buffer, size)).is_none() {
         let text = format!("RTT up channel {channel}'s buffer, {size} bytes at {buffer:#010x}, is not in memory");
@@ -125,8 +125,8 @@ pub(crate) fn drain<P: Part>(part: &mut P, block: u64, channel: u64) -> Result<D
         let offset = u32::try_from(write).unwrap_or(0);
         memory::write(part, entry + 16, &offset.to_le_bytes());
     }
-    // One byte always stays free, since a full buffer would otherwise look empty. In mode 0 a message that does not fit
-    // is dropped, so the last byte is rarely reached. A nearly full buffer therefore counts as full.
+    // A full buffer would look empty, so one byte always stays free. In mode 0 a message that does not fit is dropped,
+    // so the last byte is rarely reached. A nearly full buffer therefore counts as full.
     let free = size - 1 - u64::try_from(bytes.len()).unwrap_or(0);
     let overran = match word(part, entry + 20) & 3 {
         0 => free < (size / 4).min(SHORT_MESSAGE),
@@ -218,7 +218,7 @@ struct Frames {
 }
 
 impl Frames {
-    /// Calls `line` with every frame that `bytes` complete. Returns the number of frames that did not decode.
+    /// Calls `line` with every frame that `bytes` complete. Returns the number of frames that could not be decoded.
     fn take(
         &mut self,
         table: &defmt_decoder::Table,
@@ -348,7 +348,7 @@ impl Channels {
         channel.map(|channel| std::mem::take(&mut channel.raw)).unwrap_or_default()
     }
 
-    /// Ends the streams, since the firmware has ended or restarts. Incomplete lines count as lines, and incomplete
+    /// Ends the streams, because the firmware has ended or restarts. Incomplete lines count as lines, and incomplete
     /// frames are dropped.
     pub(crate) fn finish(&mut self, at: u64) -> Vec<LogLine> {
         self.list
@@ -362,7 +362,7 @@ impl Channels {
 }
 
 impl Channel {
-    /// Makes log lines of `bytes`. `decoded` says that some channel has the name of the defmt channel.
+    /// Makes log lines of `bytes`. `decoded` says that a channel of the firmware has the name of the defmt channel.
     #[expect(clippy::too_many_arguments, reason = "all of a look's circumstances")]
     fn take(
         &mut self,
@@ -442,7 +442,8 @@ mod tests {
         memory::write(part, address, &u32::try_from(value).unwrap().to_le_bytes());
     }
 
-    /// A part whose RAM has a control block with two up channels. The second holds `text` at the offset `read`.
+    /// Returns a part whose RAM has a control block with two up channels. The second channel holds `text`, to be read
+    /// from the offset `read` on.
     fn part(text: &[u8], read: u64) -> Nrf52840 {
         let mut part = Nrf52840::new(Settings::default());
         memory::write(&mut part, BLOCK, MAGIC);
@@ -470,8 +471,8 @@ mod tests {
     fn a_control_block_is_found_by_its_magic_and_a_plausible_count() {
         assert_eq!(find(&part(b"text", 0)), Some(BLOCK));
         assert_eq!(find(&Nrf52840::new(Settings::default())), None);
-        // Copies of the magic alone must not be taken: one before the block, and one at an address that is not a
-        // multiple of four.
+        // Copies of the magic must not be taken for the block: one is before the block, and one is not at a multiple of
+        // four.
         let mut part = part(b"text", 0);
         for copy in [BLOCK - 0x40, BLOCK - 0x81] {
             memory::write(&mut part, copy, MAGIC);

@@ -52,8 +52,8 @@ impl std::fmt::Display for Clock {
     }
 }
 
-/// How long a firmware runs on after a HardFault or an exception without a handler, in virtual nanoseconds. A UART at
-/// 115 200 baud sends 1 150 bytes in it.
+/// How long, virtual ns, a firmware runs on after a HardFault or an exception without a handler. In this time a UART at
+/// 115 200 baud sends 1 150 bytes.
 const LAST_WORDS: u64 = 100_000_000;
 
 /// A part on which a firmware can run alone.
@@ -131,8 +131,8 @@ impl Target {
         Ok(running.finish())
     }
 
-    /// Makes a run of `firmware` on this part with leads to its pins, at power-on. It has no type parameter of the
-    /// caller, so that the core is compiled with this crate's options.
+    /// Makes a run of `firmware` on this part with leads to its pins, at power-on. The function has no type parameter,
+    /// so that the core is compiled with the options of this crate and not of the caller.
     ///
     /// # Errors
     ///
@@ -199,7 +199,7 @@ pub enum Event<'a> {
     Reset(&'a ResetAt),
     /// A watched pin changed.
     Pin(&'a PinEdge),
-    /// The outside drives a watched pin differently.
+    /// The level driven from outside onto a watched pin changed.
     Driven(&'a DrivenEdge),
     /// The part sent a byte from a pin whose UART frames are collected.
     Byte(SentByte),
@@ -224,7 +224,7 @@ pub struct Outcome {
     pub load: f64,
     /// The number of instructions that the core executed.
     pub instructions: u64,
-    /// The most stack that was used, and the size of the stack, in bytes; `None` if the stack's address is not known.
+    /// The most stack, bytes, that was used, and the size of the stack; `None` if the stack's address is not known.
     pub stack: Option<(usize, usize)>,
     /// What the core was doing at the end, in words.
     pub doing: String,
@@ -307,12 +307,13 @@ impl<P: Part, C: Cost> Running<P, C> {
 
     /// Runs to the end of the piece or to a halt of the board, and reports what happened.
     pub fn go(&mut self, event: &mut dyn FnMut(Event<'_>)) {
-        // The run stops at every restart, so that their number is checked before a whole step is full of them.
+        // The run stops at every restart. Otherwise a step could contain very many restarts before their number is
+        // checked.
         let restarted = self.node.advance_to_restart(self.piece);
         let halted = self.node.halted().filter(|_| !restarted);
         if let Some(why) = halted {
             self.hand_over(event);
-            // The findings tell a user of the debugger why the firmware has ended.
+            // These findings tell the user of the debugger why the firmware has ended.
             if why == Halt::Ended {
                 self.take_findings(event);
             }
@@ -327,7 +328,7 @@ impl<P: Part, C: Cost> Running<P, C> {
         let ended = self.died && (restarted || self.node.now() >= self.last);
         self.over = ended || self.node.exit_status().is_some() || self.node.now() >= self.limits.virtual_time;
         self.hand_over(event);
-        // The lines were logged before the restart.
+        // The lines were logged before the restart, so they are reported first.
         self.node.resets()[self.told..].iter().for_each(|reset| event(Event::Reset(reset)));
         self.told = self.node.resets().len();
         for finding in found {
@@ -340,8 +341,8 @@ impl<P: Part, C: Cost> Running<P, C> {
         self.piece = (self.node.now() + self.limits.step).min(self.limits.virtual_time).min(self.last);
     }
 
-    /// Runs as [`Running::go`] does, but at most to `to` (virtual ns), or to where the leads have what is waited for
-    /// ([`Leads::wait_for`]).
+    /// Runs as [`Running::go`] does, but at most to `to` (virtual ns), or to the change or byte for which the leads
+    /// wait ([`Leads::wait_for`]).
     pub fn go_to(&mut self, to: u64, event: &mut dyn FnMut(Event<'_>)) {
         self.piece = self.piece.min(to);
         self.go(event);
@@ -392,8 +393,8 @@ impl<P: Part, C: Cost> Running<P, C> {
         &mut self.node
     }
 
-    /// The status of the run so far, as in [`Outcome::status`], but not zero after findings. `runs_on` is for a
-    /// firmware that is meant to run for ever: the status is then zero without findings.
+    /// The status of the run so far, as in [`Outcome::status`], but not zero after findings. `runs_on` says that the
+    /// firmware is meant to run for ever. The status is then zero if there are no findings.
     pub fn status(&self, runs_on: bool) -> u32 {
         let exit = self.node.exit_status().or(runs_on.then_some(0));
         match status(exit, self.died) {

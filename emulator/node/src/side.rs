@@ -23,10 +23,10 @@ pub(super) struct Side<B: Board> {
     /// The earlier clocks, each with the cycle at which it ended, oldest first.
     before: VecDeque<(Cycle, Timebase)>,
     pub(super) clock: Clock,
-    /// How long the core was awake, in ns and in its cycles, up to the last change of its clock.
+    /// How long the core was awake up to the last change of its clock, in ns. The second number is the same in cycles.
     pub(super) awake: (u64, u64),
     pub(super) touched: bool,
-    /// The cycle at which a chip of the board next acts; `board_event` is that instant in ns.
+    /// The cycle at which a chip of the board next acts. `board_event` is the same instant in ns.
     pub(super) board_due: Cycle,
     board_event: u64,
     pub(super) inputs: Vec<Input>,
@@ -36,13 +36,13 @@ pub(super) struct Side<B: Board> {
     pub(super) findings: Vec<Finding>,
     pub(super) noted: usize,
     idle: u64,
-    /// The cycle at which the core last stopped executing; `None` while it executes.
+    /// The cycle since which the core has executed nothing; `None` while it executes.
     idle_from: Option<Cycle>,
-    /// The cycle past which nothing outside the core may happen yet, since an actor beside the board may act at that
-    /// cycle. `horizon_ns` is that instant.
+    /// The cycle after which nothing outside the core may happen yet, because an actor beside the board may act at that
+    /// cycle. `horizon_ns` is the same instant.
     pub(super) horizon: Cycle,
     pub(super) horizon_ns: u64,
-    /// Whether something acted on the board since the core last ran, and may have to wake it.
+    /// Whether an actor has acted on the board since the core last ran. The core may then have to wake.
     pub(super) stirred: bool,
     pub(super) sleeps: Option<Vec<(u64, bool)>>,
 }
@@ -94,7 +94,8 @@ impl<B: Board> Side<B> {
         }
     }
 
-    /// Lets the board's chips act up to `at`, and passes their inputs to the part, until there are no more.
+    /// Lets the board's chips act up to `at`, and passes their inputs to the part. Repeats this until there are no more
+    /// inputs.
     pub(super) fn settle(&mut self, at: Cycle) {
         let ns = self.time.ns(at);
         let mut inputs = std::mem::take(&mut self.inputs);
@@ -136,9 +137,9 @@ impl<B: Board> Side<B> {
         }
     }
 
-    /// Takes over the part's findings, clock, reset request and interrupt lines after an announced change.
+    /// Takes over the part's findings, clock, reset request and interrupt lines after it announced a change.
     pub(super) fn changed(&mut self, at: Cycle) {
-        // Findings come before a change of rate, since their cycles are counted at the old rate.
+        // Findings are taken before a change of rate, because their cycles are counted at the old rate.
         let found = self.part.findings();
         if found.len() > self.noted {
             for finding in &found[self.noted..] {
@@ -172,8 +173,8 @@ impl<B: Board> Side<B> {
 
     fn follow(&mut self, clock: Clock, at: Cycle) {
         let stopped = std::mem::replace(&mut self.clock, clock).hz == 0;
-        // A stopped clock counts cycles on at the last rate, so that cycles still measure time. A change of rate does
-        // not release a core that waits for its flash.
+        // If the clock stops, cycles are still counted at the last rate, so that they measure time. A core that waits
+        // for its flash goes on waiting at the new rate.
         if clock.hz == 0 {
             self.part.signals().stall_until(NEVER);
         } else if stopped {
@@ -181,7 +182,7 @@ impl<B: Board> Side<B> {
         }
         if clock.hz > 0 {
             let idle = self.idle + self.idle_from.map_or(0, |from| at.saturating_sub(from));
-            // The core's present instruction may end after this cycle.
+            // The core's present instruction may end later than this cycle.
             let cycles = (at - idle).max(self.awake.1);
             self.awake = (self.awake.0 + self.scaled(cycles - self.awake.1), cycles);
             if self.before.len() == CHANGES {
@@ -196,7 +197,7 @@ impl<B: Board> Side<B> {
         }
     }
 
-    /// Records that up to `cycle` the core did not execute in `idle` cycles, and whether it rests now.
+    /// Records that the core has executed nothing in `idle` cycles up to `cycle`, and whether it rests from then on.
     pub(super) fn note_idle(&mut self, cycle: Cycle, idle: u64, rests: bool) {
         (self.idle, self.idle_from) = (idle, rests.then_some(cycle));
     }
@@ -228,7 +229,7 @@ impl<B: Board> Bus for Side<B> {
     fn write(&mut self, access: &Access, value: u32) -> Result<(), BusError> {
         let Self { part, board, time, touched, .. } = self;
         let answer = part.write(access, value, &mut View { board, time, touched });
-        // A store to a code address is for the flash controller.
+        // A store to an address of code goes to the flash controller.
         if !(RAM..PERIPHERALS).contains(&access.address) {
             self.after(access.cycle);
         }
@@ -276,7 +277,7 @@ impl<B: Board> Bus for Side<B> {
     fn advance(&mut self, cycle: Cycle) {
         loop {
             let (part, board) = (self.part.due(), self.board_due);
-            // The core's last instruction may have ended past the horizon.
+            // The last instruction of the core may have ended after the horizon.
             if part.min(board) > cycle.min(self.horizon) {
                 return;
             }

@@ -1,8 +1,7 @@
 //! The amount of stack that a firmware used.
 //!
-//! The stack is filled with a pattern before the first instruction, and bytes that no longer hold the pattern were
-//! used. Bytes that were reserved and never written do not count. A process stack in other memory does not count
-//! either.
+//! The stack is filled with a pattern before the first instruction. Bytes that no longer hold the pattern were used.
+//! Bytes that were reserved and never written do not count, nor does a process stack in other memory.
 
 use emulator_part::Part;
 
@@ -13,7 +12,7 @@ const PATTERN: u8 = 0xA5;
 /// The address range of a firmware's stack.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stack {
-    /// The lowest address of the stack: the end of what the image places below it, or the start of RAM.
+    /// The lowest address of the stack: the end of what the image has below it, or the start of RAM.
     pub bottom: u32,
     /// The initial stack pointer.
     pub top: u32,

@@ -29,8 +29,8 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.side.time.cycle(ns)
     }
 
-    /// The first instant at which this board may act by itself. It is the present while the core is awake. Without a
-    /// supply it is the next instant of the board's chips.
+    /// Returns the first instant at which this board may act by itself. It is the present while the core is awake.
+    /// Without a supply it is the next instant of the board's chips.
     #[must_use]
     pub fn earliest(&self) -> u64 {
         if !self.powered {
@@ -64,8 +64,8 @@ impl<B: Board, C: Cost> Node<B, C> {
         !self.powered || self.core.is_asleep()
     }
 
-    /// Runs to `to` (virtual ns), or to an earlier instruction boundary at which something left the board. If the
-    /// caller then acts on the board, it does so at `to`; the core reacts after its present instruction.
+    /// Runs to `to` (virtual ns), or to an earlier instruction boundary at which a signal left the board. An action of
+    /// the caller on the board then happens at `to`. The core reacts after its present instruction.
     pub fn advance(&mut self, to: u64) {
         self.advance_or_restart(to, false);
     }

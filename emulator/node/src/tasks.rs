@@ -10,6 +10,7 @@ const EXCEPTIONS: u16 = 16 + 240;
 
 /// The address of the interrupt clear-enable registers, with a bit for each interrupt (ARMv7-M ARM B3.4.5).
 const ICER: u32 = 0xE000_E180;
+const ISPR: u32 = 0xE000_E200;
 
 /// The addresses of the priority registers of interrupts and of system handlers from number 4 on, with a byte for each
 /// (ARMv7-M ARM B3.4.9, B3.2.10).
@@ -17,7 +18,7 @@ const IPR: u32 = 0xE000_E400;
 const SHPR: u32 = 0xE000_ED18;
 
 impl<B: Board, C: Cost> Node<B, C> {
-    /// Begins or ends the record of active exceptions and of sleep. It begins with the present state.
+    /// Starts or ends the record of active exceptions and of sleep. The record's first entry is the present state.
     pub fn watch_tasks(&mut self, on: bool) {
         self.core.watch_exceptions(on);
         let now = self.now();
@@ -83,12 +84,31 @@ impl<B: Board, C: Cost> Node<B, C> {
     pub fn switch_interrupt_off(&mut self, line: u16) -> bool {
         let (register, bit) = (ICER + 4 * u32::from(line / 32), 1 << (line % 32));
         let words = "an interrupt controller";
-        // The clear-enable registers read as 1 for lines that are on (ARMv7-M ARM B3.4.5).
+        // A clear-enable register reads as 1 for each line that is on (ARMv7-M ARM B3.4.5).
         let was_on = self.is_powered() && self.access_port_read(register, Width::Word).expect(words) & bit != 0;
         if was_on {
             self.access_port_write(register, Width::Word, bit).expect(words);
         }
         was_on
+    }
+
+    /// Makes interrupt `line` pending, although nothing has raised it. Does nothing if the line is not on, as without a
+    /// supply or while the firmware starts, or if it is pending already. Returns whether it was made pending.
+    ///
+    /// # Panics
+    ///
+    /// Panics if the core has no interrupt controller.
+    pub fn raise_interrupt(&mut self, line: u16) -> bool {
+        let (word, bit) = (4 * u32::from(line / 32), 1 << (line % 32));
+        let words = "an interrupt controller";
+        // Either register reads as 1 for a line that is on, or pending (ARMv7-M ARM B3.4.5, B3.4.6).
+        let raised = self.is_powered()
+            && self.access_port_read(ICER + word, Width::Word).expect(words) & bit != 0
+            && self.access_port_read(ISPR + word, Width::Word).expect(words) & bit == 0;
+        if raised {
+            self.access_port_write(ISPR + word, Width::Word, bit).expect(words);
+        }
+        raised
     }
 
     /// Records that the supply went off or came on. A core without supply counts as asleep.

@@ -15,7 +15,7 @@ pub struct LineEdge {
     pub high: bool,
 }
 
-/// How long a core was awake, and how long it was observed.
+/// The times for which a core was awake and for which it was observed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Usage {
     /// The virtual nanoseconds in which the core executed instructions.

@@ -160,8 +160,8 @@ fn sending() -> emulator_node::Firmware {
     firmware("sending", &main, &[(59, &done), (9, &answered)])
 }
 
-/// The receiver's firmware: SPIS1 receives the block. At first and after each END, a pulse on P1.05 signals that the
-/// receiver is ready.
+/// The receiver's firmware: SPIS1 receives the block. A pulse on P1.05 says that the receiver is ready, first at the
+/// start and then after each END.
 fn receiving() -> emulator_node::Firmware {
     const SPIS1: u32 = 0x4000_4000;
     const P1: u32 = 0x5000_0300;
@@ -175,7 +175,7 @@ fn receiving() -> emulator_node::Firmware {
     main.store(SPIS1 + 0x544, BLOCK + 0x100).store(SPIS1 + 0x548, BYTES);
     main.store(SPIS1 + 0x200, 1 << 2).store(SPIS1 + 0x304, 1 << 1).store(SPIS1 + 0x500, 2).enable(4);
     main.store(SPIS1 + 0x24, 1).wait_for(SPIS1 + 0x128, 0).store(SPIS1 + 0x128, 0).store(SPIS1 + 0x28, 1);
-    // The receiver waits until the sender, whose core starts on its slow oscillator, is in its idle loop.
+    // The sender's core starts on its slow oscillator. The receiver waits until the sender is in its idle loop.
     main.mov(0, 4_000);
     let again = main.here();
     main.raw(&[0x3801]).branch_if(thumb::If::NotEqual, again);

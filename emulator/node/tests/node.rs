@@ -20,7 +20,7 @@ fn counter<B: Board>(node: &mut Node<B>) -> u32 {
     node.word(u64::from(COUNTER)).unwrap()
 }
 
-/// Counts TIM2 updates in RAM and sleeps. The timer runs on the 16 MHz internal oscillator.
+/// Returns a firmware that counts TIM2 updates in RAM and sleeps. The timer runs on the 16 MHz internal oscillator.
 fn ticking() -> emulator_node::Firmware {
     let mut main = Thumb::at(MAIN);
     main.tim2_every(160_000).idle();
@@ -45,7 +45,7 @@ fn a_timer_interrupt_is_exact_and_the_core_sleeps_between() {
     assert_eq!(node.take_findings(), []);
 }
 
-/// A loop runs at 16 MHz, and again at 8 MHz. TIM2, which runs on the core's clock, measures both.
+/// A loop runs at 16 MHz and again at 8 MHz. TIM2 measures both on the core's clock.
 #[test]
 fn the_core_follows_its_clock_tree() {
     const TURNS: u32 = 10_000;
@@ -65,7 +65,7 @@ fn the_core_follows_its_clock_tree() {
     let mut node = bare(&firmware("clock tree", &main, &[]));
     node.advance(20 * MS);
     let turns = [COUNTER, COUNTER + 4].map(|at| node.word(u64::from(at)).unwrap());
-    // A turn is two cycles of the core and of the timer at either rate.
+    // At either rate a turn of the loop takes two cycles of the core and of the timer.
     for cycles in turns {
         assert!(cycles.abs_diff(TURNS * 2) <= 20, "{turns:?}");
     }
@@ -75,7 +75,7 @@ fn the_core_follows_its_clock_tree() {
     assert_eq!(node.take_findings(), []);
 }
 
-/// An nRF52840 starts its crystal and sleeps. 0.36 ms later its core runs on the crystal.
+/// The core of an nRF52840 sleeps while its crystal starts. The crystal becomes the core's clock after 0.36 ms.
 #[test]
 fn a_sleep_during_a_clock_change_counts_as_no_time_awake() {
     let mut main = Thumb::at(0x400);
@@ -85,7 +85,7 @@ fn a_sleep_during_a_clock_change_counts_as_no_time_awake() {
     node.advance(900_000);
     let awake = node.usage().awake;
     assert!((1..1_000).contains(&awake), "{awake}");
-    // The core returns to the internal oscillator, with fewer awake cycles than it has slept.
+    // The reset returns the core to the internal oscillator, after fewer awake cycles than it has slept.
     node.hang();
     node.restart(FromOutside::Pin);
     node.advance(1_800_000);
@@ -278,7 +278,8 @@ impl Between<Player, Player> for Wires {
     }
 }
 
-/// A board that answers each rising edge of PA3 with a pulse on PD14. With `serves` it also pulses once at its start.
+/// Returns a firmware that answers each rising edge of PA3 with a pulse on PD14. With `serves` it also pulses once at
+/// its start.
 fn player(serves: bool) -> emulator_node::Firmware {
     let mut main = Thumb::at(MAIN);
     main.exti3_on_pa3().store(GPIOD, 1 << 28);
@@ -313,7 +314,7 @@ fn two_cores_interrupting_each_other_keep_step_to_the_instruction() {
     for (nth, hit) in rises.iter().enumerate() {
         assert_eq!(hit.1, if nth % 2 == 0 { 'b' } else { 'a' });
     }
-    // An answer takes 93 or 94 ns of the handler's instructions, and the wire's delay. A wake-up rounds to the next
+    // An answer takes the handler's instructions, 93 or 94 ns, and the delay of the wire. A wake-up rounds to the next
     // nanosecond.
     let answers: Vec<u64> = rises.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
     let (towards_a, towards_b): (Vec<_>, Vec<_>) = answers.iter().enumerate().partition(|(nth, _)| nth % 2 == 0);
@@ -391,7 +392,8 @@ fn flash_keeps_what_the_firmware_programs_and_erases() {
 
 // Tests with the DPR's part.
 
-/// SPIS1 on P1.01 to P1.04 answers 0x11 0x22 from RAM, until TIMER1 takes the buffer through PPI after 25 ms.
+/// Returns a firmware whose SPIS1 on P1.01 to P1.04 answers 0x11 0x22 from RAM. After 25 ms TIMER1 takes the buffer
+/// through PPI.
 fn expiring(then: impl FnOnce(&mut Thumb)) -> emulator_node::Firmware {
     const SPIS1: u32 = 0x4000_4000;
     const TIMER1: u32 = 0x4000_9000;

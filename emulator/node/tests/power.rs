@@ -26,7 +26,7 @@ fn word<B: Board>(node: &mut Node<B>, address: u32) -> u32 {
     node.word(u64::from(address)).unwrap()
 }
 
-/// Runs to `to` and returns the levels of the board's wire out.
+/// Runs to `to`, and returns the level changes on the wire out of the board.
 fn run(node: &mut Node<Player>, to: u64) -> Vec<(u64, bool)> {
     let mut edges = node.board_mut(Player::take_edges);
     while node.now() < to {
@@ -72,7 +72,7 @@ fn a_part_starts_as_at_power_on_when_its_supply_returns() {
     assert_eq!((word(&mut other, COUNTER), word(&mut other, COUNTER + 4)), (noise, hits), "noise is the seed's");
     assert!(noise != 2 && noise != 0);
 
-    // The firmware begins anew: it raises its pin, updates take 10 ms each, and it reacts to PA3.
+    // The firmware begins anew: it raises its pin, its updates come every 10 ms, and it reacts to PA3.
     let edges = run(&mut node, 100 * MS);
     assert!(edges.len() == 1 && edges[0].1 && edges[0].0 > 75 * MS, "{edges:?}");
     assert_eq!(word(&mut node, COUNTER), noise.wrapping_add(2));
@@ -122,7 +122,7 @@ fn power_cycles_give_the_same_state_however_the_time_is_cut() {
     assert_eq!(cycled(100 * MS), cycled(MS / 3));
 }
 
-/// At 8 MHz from the crystal a cycle is 125 ns. Without its supply the part returns to its 16 MHz oscillator.
+/// At 8 MHz from the crystal a cycle takes 125 ns. Without a supply the part returns to its 16 MHz oscillator.
 #[test]
 fn the_supply_changes_at_the_given_instants_whatever_the_parts_clock() {
     let mut main = Thumb::at(MAIN);
@@ -148,7 +148,7 @@ fn the_supply_changes_at_the_given_instants_whatever_the_parts_clock() {
 fn a_watchdog_stops_without_the_supply_and_leaves_no_reset_reason() {
     const WDT: u32 = 0x4001_0000;
     let mut main = Thumb::at(0x400);
-    // 100 ms of 32768 Hz.
+    // The watchdog takes 100 ms of 32768 Hz.
     main.store(WDT + 0x504, 3_276).store(WDT, 1).idle();
     let image = thumb::firmware_at(0, "watched", &main, &[]);
     let mut node: Node<Bare<Nrf52840>> = Node::new(Nrf52840::new(Settings::default()), Bare::new(), &image).unwrap();

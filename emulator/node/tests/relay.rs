@@ -9,7 +9,7 @@ use player::{IN, Player};
 use thumb::{COUNTER, EXTI, GPIOD, HANDLER, MAIN, TIM2, Thumb, firmware};
 
 const MS: u64 = 1_000_000;
-/// A board that pulses PD14 every 0.7 ms, which does not divide the relay's pieces of time.
+/// Returns a board that pulses PD14 every 0.7 ms. This period does not divide the relay's pieces of time.
 fn beacon() -> Node<Player> {
     let mut main = Thumb::at(MAIN);
     main.store(thumb::RCC + 0x30, 1 << 3).store(GPIOD, 1 << 28).tim2_every(11_200).idle();
@@ -18,7 +18,7 @@ fn beacon() -> Node<Player> {
     Player::with(&firmware("beacon", &main, &[(28, &tick)]))
 }
 
-/// A board that counts the rising edges of PA3 and answers each on PD14, whose wire leads nowhere.
+/// Returns a board that counts the rising edges of PA3 and answers each on PD14. The wire of PD14 leads nowhere.
 fn counter() -> Node<Player> {
     let mut main = Thumb::at(MAIN);
     main.exti3_on_pa3().store(GPIOD, 1 << 28).idle();
@@ -27,7 +27,7 @@ fn counter() -> Node<Player> {
     Player::with(&firmware("counter", &main, &[(9, &hit)]))
 }
 
-/// Sends the edges of the beacon's pin.
+/// The surroundings of the first board, which send the edges of its pin.
 #[derive(Debug, Default)]
 struct Speaker {
     notes: u64,
@@ -47,7 +47,7 @@ impl Upstream<Player> for Speaker {
     }
 }
 
-/// Drives the counter's pin with the edges that it receives.
+/// The surroundings of the second board, which drive its pin with the edges that they receive.
 #[derive(Debug, Default)]
 struct Listener {
     coming: VecDeque<(u64, bool)>,
@@ -150,8 +150,8 @@ fn the_caller_receives_every_step_and_all_notes_up_to_it() {
     assert!(relay.upstream.notes >= 25);
 }
 
-/// Ten seconds are far more than the lead of the first board, whose thread must stop although nobody takes its
-/// messages.
+/// Ten seconds are far more than the first board may be ahead. Its thread must stop although nobody takes its messages
+/// any more.
 #[test]
 fn an_error_of_the_caller_ends_the_run_on_both_threads() {
     let mut relay = relay();
@@ -162,7 +162,7 @@ fn an_error_of_the_caller_ends_the_run_on_both_threads() {
     assert!(relay.a.now() < 1_000 * MS, "{}", relay.a.now());
 }
 
-/// An actor beside the beacon that is due at `acts_at`, and states this instant too late by `late_by`.
+/// An actor beside the first board that acts at `acts_at`, but states this instant too late by `late_by`.
 #[derive(Debug)]
 struct Tardy {
     acts_at: u64,
@@ -179,7 +179,7 @@ impl Upstream<Player> for Tardy {
     }
 
     fn notes(&mut self, node: &mut Node<Player>) {
-        // The actor states its instant only now, after the instant itself.
+        // Only now, after the instant itself, does the actor state it.
         if self.acts_at == u64::MAX && node.now() >= 5 * MS {
             self.acts_at = node.now() - self.late_by;
         }
@@ -244,7 +244,7 @@ fn a_late_action_beside_the_second_board_is_a_finding() {
     }
 }
 
-/// Sends edges with instants so far back that the counter is already past them.
+/// Surroundings that send edges with instants that the second board has already passed.
 #[derive(Debug, Default)]
 struct Backdated(u64);
 

@@ -59,7 +59,7 @@ mod nrf {
         assert_eq!(after::<Pessimistic>(90), [1, 2]);
     }
 
-    /// An erase takes 85 ms (PS 4.3, t_ERASEPAGE) of an internal oscillator that is up to 1.5 % fast.
+    /// An erase takes 85 ms (PS 4.3, t_ERASEPAGE) by an internal oscillator that is up to 1.5 % fast.
     #[test]
     fn the_core_stands_still_while_its_flash_is_erased() {
         assert_eq!(after::<Fast>(83), [1, 0]);
@@ -67,7 +67,7 @@ mod nrf {
         assert_eq!(after::<Pessimistic>(83), [1, 0]);
     }
 
-    /// The core runs on the crystal 0.36 ms after the crystal's start, which is during the erase.
+    /// The crystal becomes the core's clock 0.36 ms after its start, which is during the erase.
     #[test]
     fn an_oscillator_that_starts_meanwhile_does_not_cut_an_erase_short() {
         let mut main = Thumb::at(0x400);

@@ -10,14 +10,14 @@ use crate::pin::Pin;
 /// A peripheral ID. It is also the number of the peripheral's interrupt, if it has one (PS 6.1).
 pub(crate) type Id = usize;
 
-/// The ID of P0 and P1 in this model. They have none in the part.
+/// The ID of P0 and P1 in this model. The real part gives them none.
 pub(crate) const GPIO: Id = 0x30;
 pub(crate) const COMP: Id = 0x13;
 
 /// An effect of a peripheral beyond its own registers.
 #[derive(Clone, Debug)]
 pub(crate) enum Act {
-    /// The event register at this address was set. The PPI gets the event.
+    /// The event register at this address was set. The event goes to the PPI.
     Event(u32),
     /// The task register at this address is triggered.
     Task(u32),
@@ -30,7 +30,7 @@ pub(crate) enum Act {
         pin: Pin,
         level: bool,
     },
-    /// The part holds a pin in another state.
+    /// The part holds a pin in a new state.
     Pad {
         pin: Pin,
         pad: Pad,
@@ -61,7 +61,7 @@ pub(crate) enum Act {
     Convert,
     /// The comparator needs the voltages of its inputs.
     Compare,
-    /// The semaphore of an SPIS changed, or a transaction ended. This is recorded for the outside.
+    /// The semaphore of an SPIS changed, or a transaction ended. The record is for the outside.
     Spis {
         id: Id,
         event: SpisEvent,
@@ -98,7 +98,7 @@ pub(crate) struct Outbox {
 }
 
 impl Outbox {
-    /// Reports `what` at `place`. A repeated finding is only counted and keeps the value of the first.
+    /// Reports `what` at `place`. If the finding is known, only its count increases, and it keeps its first value.
     #[cold]
     pub(crate) fn find(&mut self, at: Cycle, kind: FindingKind, place: &'static str, what: &'static str, value: u32) {
         if let Some(n) = self.known.iter().position(|known| *known == (kind, place, what)) {

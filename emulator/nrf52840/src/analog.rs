@@ -52,9 +52,9 @@ pub(crate) struct Saadc {
     oversample: u32,
     samplerate: u32,
     result: [u32; 3],
-    /// The address of the next result and the number of results that still fit, while a buffer is started.
+    /// The address for the next result, and the number of results that still fit. It is set while a buffer is started.
     buffer: Option<(u32, u32)>,
-    /// The number of samples so far for an oversampled result, and their sum.
+    /// The number of samples taken for an oversampled result, and the sum of these samples.
     taken: (u32, i64),
     converts_at: Option<Cycle>,
     calibrated_at: Option<Cycle>,
@@ -110,7 +110,7 @@ impl Saadc {
         i64::from(match psel & 0x1F {
             0 => 0,
             9 => self.supply,
-            // VDDHDIV5 is a fifth of VDDH, which equals VDD here.
+            // VDDHDIV5 is a fifth of VDDH, which in this model equals VDD.
             0xD => self.supply / 5,
             n => analog_input(n - 1).map_or(0, input),
         })
@@ -244,7 +244,7 @@ impl Instance for Saadc {
         if self.converts_at.take_if(|at| *at <= now).is_some() {
             cx.act(Act::Convert);
             if self.timed && self.buffer.is_some() {
-                // The period is CC cycles of 16 MHz, but at least one conversion.
+                // CC gives the period in cycles of 16 MHz. The period is at least one conversion.
                 let period = u64::from(self.samplerate & 0x7FF) * crate::clocks::CYCLES_PER_TICK;
                 self.converts_at = Some(now + period.max(CONVERSION));
             }

@@ -72,7 +72,7 @@ fn authenticate(key: &[u8; 16], nonce: &[u8; 13], header: u8, clear: &[u8]) -> [
     first[1..14].copy_from_slice(nonce);
     first[15] = clear.len() as u8;
     let mut second = [0; 16];
-    // The additional data is the header byte without the bits that a retransmission changes.
+    // The additional data is the header byte without the bits that change when a packet is sent again.
     (second[1], second[2]) = (1, header & 0xE3);
     let mut state = encrypt(key, &first);
     let mut chain = |block: &[u8]| {
@@ -102,7 +102,7 @@ impl Ccm {
         let mut take = |at: u32, n: usize| -> Vec<u8> {
             (0..n as u32).map(|n| cx.dma_read(at.wrapping_add(n)).unwrap_or(0)).collect()
         };
-        // The key, 39 bits of counter, three ignored bytes, the direction, the vector.
+        // The data structure has the key, 39 bits of counter, three ignored bytes, the direction, and the vector.
         let settings = take(config, 33);
         let mut key = [0; 16];
         key.copy_from_slice(&settings[..16]);

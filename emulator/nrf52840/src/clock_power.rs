@@ -59,7 +59,7 @@ enum Low {
 #[derive(Clone, Debug)]
 pub(crate) struct ClockPower {
     block: Block,
-    /// The start-up time of HFXO in core cycles; `None` if the crystal never starts.
+    /// The start-up time of HFXO, in core cycles; `None` if the crystal never starts.
     hfxo_startup: Option<u64>,
     lfxo_startup: u64,
     /// Whether HFXO was started and not stopped.
@@ -120,7 +120,8 @@ impl ClockPower {
         }
     }
 
-    /// Sets the registers after a restart for `reason`. A `gentle` restart keeps the retained registers.
+    /// Sets the registers after a restart for `reason`. If the restart is `gentle`, the retained registers keep their
+    /// values.
     pub(crate) fn restarted(&mut self, before: &Self, reason: u32, gentle: bool) {
         self.reset_reason = before.reset_reason | reason;
         if gentle {
@@ -177,6 +178,10 @@ impl ClockPower {
     /// Raises SLEEPENTER or SLEEPEXIT.
     pub(crate) fn sleeps(&mut self, asleep: bool, cx: &mut Cx<'_>) {
         self.block.raise(if asleep { SLEEPENTER } else { SLEEPEXIT }, cx);
+    }
+
+    pub(crate) fn is_on_lfxo(&self) -> bool {
+        self.lf == Some(Low::Crystal)
     }
 
     /// Keeps LFCLK running through a reset, for a watchdog that runs on.
@@ -251,7 +256,7 @@ impl Instance for ClockPower {
                 self.ct_due = None;
                 self.block.raise(CTSTOPPED, cx);
             }
-            // CONSTLAT and LOWPWR change only the latency of a wake-up, which is zero here.
+            // CONSTLAT and LOWPWR only change the latency of a wake-up. In this model the latency is zero.
             0x078 | 0x07C => {}
             _ => return false,
         }
@@ -267,7 +272,7 @@ impl Instance for ClockPower {
             0x414 => u32::from(self.lf_run),
             0x418 => self.lf.map_or(0, |source| 1 << 16 | source as u32),
             0x41C => self.copy,
-            // RAMSTATUS is deprecated. USBREGSTATUS shows no VBUS, MAINREGSTATUS normal voltage.
+            // RAMSTATUS is deprecated. USBREGSTATUS shows no VBUS, and MAINREGSTATUS shows normal voltage.
             0x428 | 0x438 | 0x640 => 0,
             0x500 => 0,
             0x518 => self.source,
@@ -286,7 +291,7 @@ impl Instance for ClockPower {
         match offset {
             0x400 => self.reset_reason &= !value,
             0x408 | 0x40C | 0x414 | 0x418 | 0x41C | 0x428 | 0x438 | 0x640 => {}
-            // Firmware cannot open a closed debug port before the next reset.
+            // Firmware cannot open a debug port that is closed before the next reset.
             APPROTECT_FORCEPROTECT if self.plain(APPROTECT_FORCEPROTECT) == 0 => {}
             0x500 if value & 1 != 0 => cx.act(Act::Off),
             0x500 => {}

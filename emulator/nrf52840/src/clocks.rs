@@ -40,13 +40,14 @@ impl Pclk16m {
 pub(crate) struct Lfclk {
     lf_ppb: i64,
     hf_ppb: i64,
-    /// The cycle and the count at the last change of rate.
+    /// The cycle, and the count of ticks, at the last change of rate.
     anchor: (Cycle, u64),
-    /// The fraction of a tick that had passed at the last change of rate, in units of 1 / [`Lfclk::den`] tick.
+    /// The fraction of a tick that had passed at the last change of rate, in units of 1 / [`Lfclk::den`] of a tick.
     phase: u128,
 }
 
-/// A billion plus `ppb`: the rate of a clock that is fast by `ppb` parts per billion, in billionths of the exact rate.
+/// Returns a billion plus `ppb`: the rate of a clock with this error (positive if fast), in billionths of the exact
+/// rate.
 fn scale(ppb: i64) -> u64 {
     1_000_000_000_u64.wrapping_add_signed(ppb)
 }
@@ -59,7 +60,8 @@ impl Lfclk {
         Self { lf_ppb, hf_ppb, anchor: (at, 0), phase: 0 }
     }
 
-    /// The numerator of ticks per core cycle. Without errors the fraction is 32768 / 64 000 000 = 8 / 15625.
+    /// The numerator of the number of ticks per core cycle. Without errors the fraction is 32768 / 64 000 000 = 8 /
+    /// 15625.
     fn num(&self) -> u128 {
         8 * u128::from(scale(self.lf_ppb))
     }
@@ -144,7 +146,7 @@ mod tests {
         let at = clock.instant(1_000);
         clock.retune(at, 0, 15_000_000);
         assert_eq!(clock.ticks(at), 1_000);
-        // The core is faster, so a tick takes more core cycles.
+        // A fast core needs more of its cycles for a tick of LFCLK.
         assert_eq!(clock.instant(1_000 + 32_768) - at, 64_000_000 * 1_015 / 1_000);
     }
 }

@@ -34,13 +34,13 @@ pub(crate) struct Gpio {
     latch: [u32; 2],
     ldetect: [bool; 2],
     cnf: [[u32; 32]; 2],
-    /// The outputs of each port, from PIN_CNF.
+    /// For each port, the pins whose direction in PIN_CNF is output.
     dir: [u32; 2],
     connected: [u32; 2],
     senses_high: [u32; 2],
     senses_low: [u32; 2],
     outside: [Option<bool>; 64],
-    /// The levels that peripherals drive onto pins that they took over.
+    /// For each pin that a peripheral has taken over, the level that the peripheral drives.
     held: [Option<bool>; 64],
     levels: [u32; 2],
     pads: [Pad; 64],
@@ -86,7 +86,7 @@ impl Gpio {
         self.connected[port] >> n & 1 != 0
     }
 
-    /// The level that a peripheral reads, 0 without an input buffer.
+    /// Returns the level of a pin as a peripheral reads it: 0 without an input buffer.
     #[inline]
     pub(crate) fn input(&self, pin: Pin) -> bool {
         self.is_connected(pin) && self.level(pin)
@@ -114,7 +114,8 @@ impl Gpio {
         self.outside[pin.index()].is_some()
     }
 
-    /// Computes the pad's level, reports a change of it, and updates whether the pin meets its SENSE criterion.
+    /// Computes the level of a pin's pad, reports a change of the pad, and updates whether the pin meets its SENSE
+    /// criterion.
     fn settle(&mut self, pin: Pin, now: Cycle, out: &mut Outbox) {
         let (port, n) = pin.place();
         let (inside, outside) = (self.inside(pin), self.outside[pin.index()]);
@@ -209,8 +210,8 @@ impl Gpio {
                 moved = was ^ self.dir[port];
             }
             0x520 => {
-                // Writing 1 clears a latch. It is set again if the pin still meets its criterion, and DETECT is low in
-                // between.
+                // A written 1 clears a latch. If the pin still meets its criterion, the latch is set again, and DETECT
+                // is low in between.
                 self.latch[port] &= !value;
                 if self.ldetect[port] {
                     self.detect = false;
@@ -243,7 +244,7 @@ impl Gpio {
         }
     }
 
-    /// Resets every register. The outside goes on driving its pins.
+    /// Resets every register. Levels that are driven from outside stay.
     pub(crate) fn restart(&mut self, now: Cycle, out: &mut Outbox) {
         let Self { outside, levels, pads, .. } = *self;
         *self = Self { outside, levels, pads, ..Self::default() };
@@ -265,7 +266,7 @@ impl Gpio {
     }
 }
 
-/// The port of an offset, and the same register's offset in port 0.
+/// Returns the port to which an offset belongs, and the offset of the same register in port 0.
 #[inline]
 fn port_of(offset: u32) -> (usize, u32) {
     if (0x804..0xA80).contains(&offset) { (1, offset - 0x300) } else { (0, offset) }

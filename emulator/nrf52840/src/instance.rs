@@ -4,9 +4,9 @@
 //! the event at 0x100 + 4 *n*), SHORTS at 0x200, INTEN, INTENSET and INTENCLR at 0x300 to 0x308. [`Block`] holds these
 //! common registers, which the interconnect serves. An [`Instance`] adds its own tasks and registers.
 //!
-//! An instance never calls another. It reports each effect as an [`Act`], which the interconnect delivers in order and
-//! at the same instant: an event to the PPI, a level to a pin, a byte to the outside. The instance accesses memory and
-//! pins directly, through its [`Cx`].
+//! An instance never calls another. It reports each effect as an [`Act`]. The interconnect delivers the acts in order
+//! and at the same instant: an event to the PPI, a level to a pin, a byte to the outside. The instance accesses memory
+//! and pins directly, through its [`Cx`].
 pub(crate) use crate::act::{Act, COMP, GPIO, Id, Outbox, Source};
 use crate::clocks::Clocks;
 use crate::gpio::Gpio;
@@ -126,7 +126,7 @@ pub(crate) trait Instance {
         let _ = (offset, value, cx);
         false
     }
-    /// Tells the instance that SHORTS, INTEN or a clock changed. Its next event may then move.
+    /// Tells the instance that SHORTS, INTEN or a clock changed, which may move its next event.
     #[inline]
     fn configured(&mut self, cx: &mut Cx<'_>) {
         let _ = cx;

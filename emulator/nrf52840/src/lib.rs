@@ -97,8 +97,8 @@ pub struct Settings {
     pub lfxo_ppb: i64,
     /// The error of the RC oscillator, in ppb (PS 5.4: ±2 % uncalibrated; the default is 0).
     pub lfrc_ppb: i64,
-    /// The time from HFCLKSTART to HFCLKSTARTED, in ns of a core clock without error; `None` if the crystal never
-    /// starts.
+    /// The time from HFCLKSTART to HFCLKSTARTED, in ns of a core clock without error; `None` if the 32 MHz crystal
+    /// never starts.
     pub hfxo_startup_ns: Option<u64>,
     /// The time from LFCLKSTART to LFCLKSTARTED with the crystal, in ns of a core clock without error (PS 5.4: 0.25 s
     /// typical).
@@ -137,7 +137,7 @@ impl Default for Settings {
     }
 }
 
-/// The part's pins to which an outside SPI controller is wired, for an SPIS.
+/// The pins of the part that are wired to an outside SPI controller, for an SPIS.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SpisWires {
     /// The pin of the clock, SCK.
@@ -250,7 +250,8 @@ impl Nrf52840 {
         std::mem::take(&mut self.soc.spis_events)
     }
 
-    /// Takes, for each [`SpisEvent::Ready`] since the last call, its cycle and the TXD buffer's contents at that cycle.
+    /// Takes each [`SpisEvent::Ready`] since the last call: its cycle, and the contents of the TXD buffer at that
+    /// cycle.
     pub fn take_spis_offers(&mut self) -> Vec<(Cycle, Vec<u8>)> {
         std::mem::take(&mut self.soc.spis_offers)
     }
@@ -310,6 +311,11 @@ impl Nrf52840 {
     /// running crystal goes on.
     pub fn set_hfxo_startup(&mut self, startup_ns: Option<u64>) {
         self.soc.set_hfxo_startup(startup_ns);
+    }
+
+    /// Makes both crystals faster by `ppb` parts per billion from `at` on; slower if it is negative.
+    pub fn drift<O: Outside>(&mut self, at: Cycle, ppb: i64, outside: &mut O) {
+        self.soc.drift(at, ppb, outside);
     }
 
     /// Whether the 32 MHz crystal runs or could start.

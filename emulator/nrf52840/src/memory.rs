@@ -38,9 +38,9 @@ pub(crate) struct Memory {
     pub(crate) uicr: Flash,
     pub(crate) ficr: Flash,
     pub(crate) ram: Ram,
-    /// Whether flash was programmed or erased and the core was not yet told.
+    /// Whether flash was programmed or erased, and the core has yet to be told.
     pub(crate) code_changed: bool,
-    /// The AHB slaves of the RAM that EasyDMA has accessed, by bit (see [`slave`]).
+    /// The AHB slaves of RAM that EasyDMA has accessed, one bit each (see [`slave`]).
     dma_slaves: u16,
 }
 
@@ -158,7 +158,7 @@ impl Memory {
     }
 }
 
-/// The part's revision in Nordic's numbering: 3 for build codes Fxx and later.
+/// The part's revision as Nordic numbers it: 3 for build codes Fxx and later.
 fn revision(settings: &Settings) -> u32 {
     if settings.build_code[2] >= b'F' { 3 } else { 2 }
 }

@@ -33,7 +33,7 @@ pub(crate) struct Nvmc {
     config: u32,
     cache: u32,
     partial_ms: u32,
-    /// The page under partial erase, and the cycles for which it was erased so far.
+    /// The page that is being erased in parts, and the cycles for which it has been erased so far.
     partial: Option<(u32, u64)>,
     busy_until: u64,
 }
@@ -58,7 +58,7 @@ impl Nvmc {
         true
     }
 
-    /// Keeps flash busy for `time` cycles more, and stalls a core that executes from flash.
+    /// Keeps flash busy for `time` further cycles, in which a core that executes from flash is stalled.
     fn occupy(&mut self, time: u64, cx: &mut Cx<'_>) {
         if cx.now < self.busy_until {
             cx.misuse("begun while flash is still busy, cycles", (self.busy_until - cx.now) as u32);
@@ -119,7 +119,7 @@ impl Instance for Nvmc {
                         self.occupy(ERASE_PAGE, cx);
                         cx.memory.erase(UICR_BASE, PAGE);
                     }
-                    // A page is erased when its partial erases add up to the time of a whole erase.
+                    // A page is erased as soon as its partial erases together take the time of a whole erase.
                     0x518 => {
                         let ms = if self.partial_ms == 0 { 10 } else { self.partial_ms };
                         let part = cycles(u64::from(ms) * 1_000_000);

@@ -13,7 +13,7 @@ impl Pin {
         (psel & 1 << 31 == 0 && pin < 48).then_some(Self(pin))
     }
 
-    /// The part's pin for a pin of the bench; `None` if the part does not have it.
+    /// Returns the part's pin for a pin of the bench; `None` if the part does not have such a pin.
     pub(crate) fn outside(pin: part::Pin) -> Option<Self> {
         let exists = matches!((pin.port, pin.number), (0, 0..=31) | (1, 0..=15));
         exists.then_some(Self(pin.port << 5 | pin.number))

@@ -26,7 +26,7 @@ const LOOPSDONE: u32 = 7;
 struct Play {
     sequence: usize,
     at: u32,
-    /// The number of periods until the next step.
+    /// The number of periods that remain before the next step of the sequence.
     periods: u32,
     over: bool,
 }
@@ -147,7 +147,7 @@ impl Pwm {
         }
     }
 
-    /// Begins the next step, if one is due, at the start of a period.
+    /// Begins the next step of the sequence if one is due, at the start of a period.
     fn advance(&mut self, cx: &mut Cx<'_>) {
         let by_task = self.decoder >> 8 & 1 != 0;
         let Some(play) = &mut self.play else { return };
@@ -200,7 +200,7 @@ impl Pwm {
         self.arm(cx);
     }
 
-    /// The counts in a period at which a channel has its edges: one, or two in up-and-down counting.
+    /// Returns the counts of a period at which a channel's pin has its edges. In up-and-down counting there are two.
     fn edges(&self, channel: usize) -> [u64; 2] {
         let compare = u64::from(self.compare[channel] & 0x7FFF).min(self.top);
         if self.up_and_down() { [compare, 2 * self.top - compare] } else { [compare, self.top] }

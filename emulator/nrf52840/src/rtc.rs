@@ -27,9 +27,9 @@ pub(crate) struct Rtc {
     prescaler: u32,
     cc: [u32; 4],
     compares: usize,
-    /// The compare registers that were written too late for their next match.
+    /// The compare registers, as bits, that were written too late for their next match.
     late: u32,
-    /// The counter's value at the LFCLK tick `base`.
+    /// The counter's value at `base`, a tick of LFCLK.
     held: u32,
     base: u64,
     clocked: bool,
@@ -93,7 +93,8 @@ impl Rtc {
         });
     }
 
-    /// Carries out the events that are due now, before a task or a write at the same instant, which would skip them.
+    /// Carries out the events that are due now. A task or a write at the same instant would skip them, so this comes
+    /// first.
     fn catch_up(&mut self, cx: &mut Cx<'_>) {
         if self.next.is_some_and(|at| at <= cx.now) {
             self.due(cx);
@@ -173,7 +174,7 @@ impl Instance for Rtc {
 
     fn configured(&mut self, cx: &mut Cx<'_>) {
         if cx.clocks.lf.is_some() != self.clocked {
-            // LFCLK stopped, or started with its ticks from zero.
+            // LFCLK has stopped, or has started and counts its ticks from zero.
             self.load(self.held, cx);
         }
         self.arm(cx);

@@ -26,7 +26,7 @@ pub(crate) struct Timer {
     prescaler: u32,
     cc: [u32; 6],
     compares: usize,
-    /// The counter's value at the PCLK16M tick `base`.
+    /// The counter's value at `base`, a tick of PCLK16M.
     held: u32,
     base: u64,
     /// The cycle and the PCLK16M tick of the next match.
@@ -71,7 +71,7 @@ impl Timer {
         self.held.wrapping_add(self.elapsed(tick) as u32) & self.mask()
     }
 
-    /// Moves `base` to the present tick, before a change that affects the counting.
+    /// Moves `base` to the present tick, because the counting is about to change.
     fn rebase(&mut self, cx: &Cx<'_>) {
         let tick = cx.hf();
         self.held = self.count(tick);
@@ -117,7 +117,8 @@ impl Timer {
         }
     }
 
-    /// Carries out the matches that are due now, before a task or a write at the same instant, which would skip them.
+    /// Carries out the matches that are due now. A task or a write at the same instant would skip them, so this comes
+    /// first.
     fn catch_up(&mut self, cx: &mut Cx<'_>) {
         while let Some((_, tick)) = self.next.filter(|(at, _)| *at <= cx.now) {
             let count = self.count(tick);

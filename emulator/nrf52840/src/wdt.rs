@@ -79,7 +79,7 @@ impl Wdt {
         self.asleep && self.config & SLEEP_RUN == 0 || self.halted && self.config & HALT_RUN == 0
     }
 
-    /// Pauses or resumes the counter, as CONFIG says for the core's state.
+    /// Pauses or resumes the watchdog's counter, as CONFIG demands for the state of the core.
     fn pause(&mut self, cx: &mut Cx<'_>) {
         let tick = cx.clocks.lf.map_or(0, |lf| lf.ticks(cx.now));
         if self.pauses() && self.running() {

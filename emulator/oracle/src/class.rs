@@ -122,7 +122,7 @@ impl Class {
             for s in &mut case.s {
                 *s = random.float();
             }
-            // AHP, DN, FZ and the rounding mode are random, and in some cases the flags.
+            // AHP, DN, FZ and the rounding mode are random. In some cases the flags are random too.
             case.fpscr = random.bits() & random.pick(&[0x00C0_0000, 0x07C0_0000, 0x03C0_0000, 0xF7C0_009F]);
             for register in case.r.iter_mut().take(6) {
                 *register = random.float();
@@ -159,11 +159,11 @@ impl Class {
 
 /// Appends one to eight random instructions from `table`.
 fn from(table: &[Template], case: &mut Case, random: &mut Random) {
-    // The registers are few, so that instructions use each other's results.
+    // There are few registers, so that instructions often use each other's results.
     let mut registers: Vec<u32> = (0..13).chain([14]).collect();
     random.shuffle(&mut registers);
     registers.truncate(7);
-    // Every template needs at least one low and one high register.
+    // Each template needs at least one low register and one high register.
     registers.extend([random.below(8), 8 + random.below(5)]);
     for _ in 0..1 + random.below(8) {
         instance(&random.pick(table), random, &registers).append(&mut case.code);

@@ -26,7 +26,7 @@ pub fn encodings() -> Vec<Encoding> {
     for first in 0xE800..=0xFFFF {
         for _ in 0..SECONDS {
             let mut second = random.bits() as u16;
-            // Random bits rarely have the registers 13 and 15, or a field of only zeros or ones.
+            // Random bits alone would rarely contain the registers 13 and 15, or a field of only zeros or ones.
             for nibble in 0..4 {
                 match random.below(8) {
                     0 => second |= 0xF << (4 * nibble),
@@ -41,8 +41,8 @@ pub fn encodings() -> Vec<Encoding> {
     encodings
 }
 
-/// The distance of two encodings in the object file, in bytes. NOPs between them keep an IT or an unknown encoding from
-/// changing how the next encoding is decoded.
+/// The distance of two encodings in the object file, in bytes. NOPs fill the space between them, so that an IT or an
+/// unknown encoding does not change how the next one is decoded.
 const SLOT: usize = 12;
 
 /// LLVM's text of each encoding, empty if the encoding is no instruction.
@@ -108,7 +108,7 @@ fn object(code: &[u8]) -> Vec<u8> {
     elf.resize(16, 0);
     let half = |elf: &mut Vec<u8>, value: u16| elf.extend(value.to_le_bytes());
     let word = |elf: &mut Vec<u8>, value: u32| elf.extend(value.to_le_bytes());
-    // ET_REL (a relocatable file) and EM_ARM.
+    // The two header fields are ET_REL (a relocatable file) and EM_ARM.
     half(&mut elf, 1);
     half(&mut elf, 40);
     for value in [1, 0, 0, headers_at, 0x0500_0000] {
@@ -118,7 +118,7 @@ fn object(code: &[u8]) -> Vec<u8> {
         half(&mut elf, value);
     }
     elf.extend(code);
-    // The null symbol, then $t at 0 in section 1.
+    // The table has the null symbol, and then $t at 0 in section 1.
     elf.extend([0; 16]);
     for value in [1, 0, 0] {
         word(&mut elf, value);
@@ -141,16 +141,16 @@ fn object(code: &[u8]) -> Vec<u8> {
     elf
 }
 
-/// Whether the bench's decoder (ours) and LLVM accept one encoding as an instruction.
+/// The verdict on one encoding: whether the bench's decoder (ours) and LLVM accept it as an instruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// Neither decoder has an instruction.
     Neither = 0,
     /// Both decoders have an instruction. An absent coprocessor's fault counts as an instruction.
     Both = 1,
-    /// LLVM has an instruction, and our decoder has none, since the encoding is UNPREDICTABLE.
+    /// LLVM has an instruction. Our decoder has none, because the encoding is UNPREDICTABLE.
     OursUndefined = 2,
-    /// LLVM has no instruction, and our decoder has one: an unallocated hint, or MSR of a missing register.
+    /// Our decoder has an instruction and LLVM has none: an unallocated hint, or MSR of a missing register.
     OursExecutes = 3,
 }
 
@@ -199,7 +199,8 @@ pub fn compare(directory: &Path) -> anyhow::Result<Report> {
     Ok(report)
 }
 
-/// The core registers in LLVM's text, as a set without the program counter, which our text gives as an address.
+/// Returns the core registers in LLVM's text as a set. The program counter is left out, because our text gives it as an
+/// address.
 fn their_registers(text: &str) -> u16 {
     let text = text.split('@').next().unwrap_or_default();
     let words = text.split(|c: char| !c.is_ascii_alphanumeric()).skip(1);

@@ -13,7 +13,8 @@ use crate::{
 pub(crate) fn it_block(case: &mut Case, random: &mut Random) {
     let condition = random.below(14);
     let count = 1 + random.below(4);
-    // From the highest bit down: one bit (then or else) for each instruction but the first, then the stop bit.
+    // The mask has, from the highest bit down, one bit (then or else) for each instruction but the first, and then the
+    // stop bit.
     let mask = ((random.bits() & 0xF) >> (5 - count) << 1 | 1) << (4 - count) & 0xF;
     Instruction::Narrow((0xBF00 | condition << 4 | mask) as u16).append(&mut case.code);
     for _ in 0..count {
@@ -22,7 +23,7 @@ pub(crate) fn it_block(case: &mut Case, random: &mut Random) {
     }
 }
 
-/// The registers that hold no address in these cases.
+/// The registers for data. In these cases they never hold an address.
 const DATA: [u32; 8] = [0, 1, 2, 3, 4, 8, 9, 12];
 
 fn filler(code: &mut Code, random: &mut Random) {
@@ -70,8 +71,8 @@ pub(crate) fn branch(case: &mut Case, address: u32, random: &mut Random) {
             code.wide(branch_wide(length) | 0xD000);
         }
         8 => {
-            // BX and BLX sometimes have no Thumb bit, which faults at the target with UFSR.INVSTATE (ARM ARM B1.5.14).
-            // At a target that is no multiple of four, QEMU reports UFSR.UNALIGNED instead, so such cases are not made.
+            // Some BX and BLX have no Thumb bit, so they fault at the target with UFSR.INVSTATE (ARM ARM B1.5.14). Only
+            // targets at multiples of four are used for that, because QEMU reports UFSR.UNALIGNED at others.
             let target = code.here() + 2 + length;
             let thumb = u32::from(target & 2 != 0 || !random.once_in(8));
             set(case, target | thumb);
@@ -133,7 +134,7 @@ pub(crate) fn branch(case: &mut Case, address: u32, random: &mut Random) {
             };
         }
         14 => {
-            // A backward branch: SUBS, BNE.
+            // The branch goes backwards: SUBS, BNE.
             set(case, 1 + random.below(6));
             let back = code.here();
             filler(&mut code, random);
@@ -142,7 +143,7 @@ pub(crate) fn branch(case: &mut Case, address: u32, random: &mut Random) {
             code.narrow(0xD100 | (offset >> 1) & 0xFF);
         }
         _ => {
-            // The literal of LDR pc follows, aligned to a word.
+            // The literal of LDR pc follows the instruction, aligned to a word.
             if !code.here().is_multiple_of(4) {
                 code.narrow(0xBF00);
             }
@@ -162,12 +163,12 @@ pub(crate) fn fault(case: &mut Case, random: &mut Random) {
     instance(&random.pick(integer::IMMEDIATE), random, &DATA).append(&mut halves);
     let it = random.once_in(3);
     let kind = random.below(12);
-    // After CPSID i, faults and SVC escalate to HardFault.
+    // Some cases begin with CPSID i, after which faults and SVC escalate to HardFault.
     if random.once_in(4) {
         halves.push(0xB672);
     }
     if it {
-        // With a barrier first, the IT block has two instructions.
+        // If there is a barrier, the IT block has two instructions.
         halves.push((0xBF00 | random.below(14) << 4 | if kind == 3 { 4 } else { 8 }) as u16);
     }
     let (d, n, m) = (random.pick(&DATA), 5 + random.below(2), random.pick(&DATA));
@@ -179,8 +180,8 @@ pub(crate) fn fault(case: &mut Case, random: &mut Random) {
         3 => {
             case.r[n as usize] = 0;
             case.ccr |= 0x10;
-            // The barrier is needed because QEMU loses register writes before a trapped division in the same block (its
-            // division helper is declared not to need the registers).
+            // QEMU loses register writes before a trapped division in the same block (its division helper is declared
+            // not to need the registers). The barrier begins a new block.
             Instruction::Wide(0xF3BF_8F6F).append(&mut halves);
             Instruction::Wide(random.pick(&[0xFB90_F0F0, 0xFBB0_F0F0]) | m << 16 | d << 8 | n)
         }
@@ -202,10 +203,10 @@ pub(crate) fn fault(case: &mut Case, random: &mut Random) {
             case.r[n as usize] = wild;
             Instruction::Wide(random.pick(&[0xE890_000F, 0xE9D0_0100, 0xED90_0A00, 0xECB0_0A04]) | n << 16)
         }
-        // Absent coprocessors.
+        // These instructions access absent coprocessors.
         9 => Instruction::Wide(0xEE00_0010 | random.pick(&[0_u32, 1, 5, 7, 8, 9, 12, 15]) << 8 | d << 12),
         10 => Instruction::Wide(0xEC90_0000 | random.pick(&[0_u32, 1, 5, 7, 8, 9, 12, 15]) << 8 | n << 16),
-        // Double precision, which is undefined in FPv4-SP.
+        // These instructions are of double precision, which is undefined in FPv4-SP.
         _ => Instruction::Wide(random.pick(&[0xEE30_0B00, 0xEE20_0B00, 0xEEB1_0BC0, 0xEEB7_0AC0, 0xEEBD_0BC0])),
     };
     faulting.append(&mut halves);
@@ -216,11 +217,11 @@ pub(crate) fn fault(case: &mut Case, random: &mut Random) {
 /// Makes a case of interrupts 0 to 7, PendSV and SysTick with random priorities. Some are pending at first and make
 /// others pending. BASEPRI is raised at first and lowered in an IT block and after it.
 pub(crate) fn interrupt(case: &mut Case, random: &mut Random) {
-    // Few values, so that some priorities are equal.
+    // There are only a few values, so that some priorities are equal.
     let levels = [0x00, 0x20, 0x40, 0x60, 0x61, 0x80, 0xA0, 0xE0];
     let priorities = |random: &mut Random| u32::from_le_bytes([0; 4].map(|_| random.pick(&levels)));
     case.window.fill(0);
-    // The words are for the exceptions 14 to 23, at their numbers modulo 16.
+    // The words of exceptions 14 to 23 are at the exceptions' numbers modulo 16.
     for number in [0, 1, 2, 3, 4, 5, 6, 7, 14, 15] {
         if random.once_in(2) {
             let pend = random.bits() & random.bits() & random.bits() & 0x1400_00FF;
@@ -243,11 +244,11 @@ pub(crate) fn interrupt(case: &mut Case, random: &mut Random) {
     case.r[11] = 0;
     let mut code = Code::at(0);
     code.narrow(0xB672); // CPSID i
-    // The stores go to ISER, IPR0, IPR1, SHPR3 and AIRCR.
+    // The five stores go to ISER, IPR0, IPR1, SHPR3 and AIRCR.
     code.store(9, 0, 0).store(1, 0, 0x300).store(2, 0, 0x304).store(3, 0, 0xC20).store(4, 0, 0xC0C);
     code.wide(0xF385_8811).store(6, 0, 0x100).store(7, 0, 0xC04); // MSR BASEPRI, r5; ISPR, ICSR
     code.wide(0xF3BF_8F4F).narrow(0xB662).wide(0xF3BF_8F6F); // DSB; CPSIE i; ISB
-    // The first of the four instructions of the IT block may lower BASEPRI.
+    // The IT block has four instructions, of which the first may lower BASEPRI.
     let condition = random.below(14);
     code.narrow(0xBF00 | condition << 4 | random.below(8) << 1 | 1);
     code.wide(0xF38A_8811); // MSR BASEPRI, r10

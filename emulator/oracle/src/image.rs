@@ -39,8 +39,8 @@ const LOG_POINTER: u32 = 64;
 const LOG: u32 = WINDOW + 64;
 const STATE_BYTES: u32 = 328;
 const HARNESS: u32 = 0x100;
-/// The maximum number of halfwords of a case's own code. The rest of [`STRIDE`] holds an LDM of the initial state and a
-/// branch.
+/// The maximum number of halfwords of a case's own code. The rest of [`STRIDE`] has the initial state, an LDM of it and
+/// a branch.
 const MOST_CODE: usize = (STRIDE - STATE_BYTES) as usize / 2 - 4;
 
 /// One case: an initial state and instructions.
@@ -80,7 +80,7 @@ pub fn build(cases: &[Case]) -> Vec<u8> {
     let epilogue = write_epilogue(&mut harness);
     let start = write_start(&mut harness, cases.len() as u32);
     let fault = write_fault_handler(&mut harness, epilogue);
-    // `link` later sets the target of the epilogue's branch to the next case.
+    // The epilogue's branch to the next case gets its target later, from `link`.
     let prologue = write_prologue(&mut harness);
     let finish = write_finish(&mut harness);
     let interrupt = write_interrupt_handler(&mut harness);
@@ -117,7 +117,7 @@ fn write_start(code: &mut Code, cases: u32) -> u32 {
         code.constant(0, register).constant(1, value).store(1, 0, 0);
     }
     code.wide(0xF3BF_8F4F).wide(0xF3BF_8F6F); // DSB, ISB
-    // MSR PSP, r1; MSR CONTROL, r1; ISB: thread mode uses the process stack.
+    // MSR PSP, r1; MSR CONTROL, r1; ISB: from here on thread mode uses the process stack.
     code.constant(1, 0x2000_6000).wide(0xF381_8809);
     code.constant(1, 2).wide(0xF381_8814).wide(0xF3BF_8F6F);
     code.constant(0, VARIABLES);
@@ -125,7 +125,7 @@ fn write_start(code: &mut Code, cases: u32) -> u32 {
         code.constant(1, value).store(1, 0, offset);
     }
     let to_prologue = code.here();
-    // `link` later sets the target of this branch.
+    // This branch gets its target later, from `link`.
     code.branch(to_prologue);
     start
 }
@@ -154,7 +154,7 @@ fn write_prologue(code: &mut Code) -> u32 {
 
 fn write_epilogue(code: &mut Code) -> u32 {
     let epilogue = code.here();
-    // No register is free yet, so r0 is saved at SP + 4000, which no case accesses.
+    // No register is free yet. r0 is saved at SP + 4000, which no case accesses.
     code.store(0, 13, 4000).constant(0, VARIABLES).load(0, 0, 4);
     code.wide(0xE8A0_5FFE); // STM r0!, {r1-r12, lr}
     code.wide(0xF3EF_8100).wide(0xEEF1_2A10).wide(0xE8A0_0006); // MRS r1, APSR; VMRS r2, FPSCR; STM r0!, {r1, r2}
@@ -174,17 +174,17 @@ fn write_epilogue(code: &mut Code) -> u32 {
     epilogue
 }
 
-/// Writes the code that records a fault and returns to the epilogue.
+/// Writes the code that records a fault. The code returns to the epilogue.
 fn write_fault_handler(code: &mut Code, epilogue: u32) -> u32 {
     let handler = code.here();
     code.wide(0xF3EF_8009).constant(2, VARIABLES); // MRS r0, PSP
     code.load(1, 0, 24).store(1, 2, 24).load(1, 0, 28).store(1, 2, 28);
-    // The return is in Thumb state, outside any IT block. The bit of the stack's alignment (bit 9) stays.
+    // The handler returns in Thumb state and outside any IT block. Bit 9, for the alignment of the stack, is kept.
     code.constant(3, 0xF80F_0200).narrow(0x4019).constant(3, 0x0100_0000).narrow(0x4319).store(1, 0, 28);
     code.constant(3, epilogue).store(3, 0, 24);
     code.constant(3, 0xE000_ED28).load(1, 3, 0).store(1, 2, 12);
-    // TST r1, #MMARVALID; BEQ; the address of the memory management fault is stored. A bus fault's address follows
-    // likewise.
+    // TST r1, #MMARVALID; BEQ: the address of a memory management fault is stored. The address of a bus fault follows
+    // in the same way.
     code.wide(0xF011_0F80).narrow(0xD003).load(12, 3, 12).store(12, 2, 20);
     code.wide(0xF411_4F00).narrow(0xD003).load(12, 3, 16).store(12, 2, 20);
     code.store(1, 3, 0).load(1, 3, 4).store(1, 2, 16).store(1, 3, 4);
@@ -209,7 +209,7 @@ fn write_interrupt_handler(code: &mut Code) -> u32 {
     code.constant(12, 5 << 26).wide(0xEA02_000C).constant(3, 0xE000_ED04).store(0, 3, 0); // AND r0, r2, r12; ICSR
     code.wide(0xF3C2_2007).wide(0xF380_8812); // UBFX r0, r2, #8, #8; MSR BASEPRI_MAX, r0
     code.narrow(0xB662).wide(0xF3BF_8F4F).wide(0xF3BF_8F6F); // CPSIE i; DSB; ISB
-    // MRS r0, IPSR; MRS r3, BASEPRI; ORR r0, r0, r3, LSL #16.
+    // MRS r0, IPSR; MRS r3, BASEPRI; ORR r0, r0, r3, LSL #16: r0 has both registers.
     code.wide(0xF3EF_8005).wide(0xF3EF_8311).wide(0xEA40_4003);
     code.wide(0xF040_4000); // ORR r0, r0, #0x8000_0000
     write_log(code);
@@ -217,14 +217,14 @@ fn write_interrupt_handler(code: &mut Code) -> u32 {
     handler
 }
 
-/// Writes code that mixes r0 with the log's last entry and adds it to the log, which wraps around.
+/// Writes code that mixes r0 with the last entry of the log, and appends the result. The log wraps around.
 fn write_log(code: &mut Code) {
     code.constant(1, VARIABLES).load(2, 1, LOG_POINTER).load(3, 2, 0);
     code.wide(0xEA80_10F3).store(0, 2, 0); // EOR r0, r0, r3, ROR #7
     code.narrow(0x3204).wide(0xF022_0280).wide(0xF042_0240).store(2, 1, LOG_POINTER); // ADDS #4; BIC #0x80; ORR #0x40
 }
 
-/// Writes the code that writes the results to [`FILE`] and exits, by semihosting.
+/// Writes the code that ends a run: by semihosting it writes the results to [`FILE`] and exits.
 fn write_finish(code: &mut Code) -> u32 {
     let finish = code.here();
     let block = VARIABLES + 0x100;
@@ -249,7 +249,7 @@ fn write_finish(code: &mut Code) -> u32 {
 }
 
 fn link(code: &mut Code, epilogue: u32, prologue: u32, finish: u32) {
-    // A branch to itself or to the epilogue is a placeholder.
+    // A placeholder is a branch to itself or to the epilogue.
     let placeholders: Vec<usize> = (0..code.halves.len() - 1)
         .filter(|&i| {
             let here = code.base + 2 * i as u32;
@@ -259,7 +259,7 @@ fn link(code: &mut Code, epilogue: u32, prologue: u32, finish: u32) {
         })
         .collect();
     assert_eq!(placeholders.len(), 3);
-    // In the order of writing, the targets are the next case, the end, and the first case.
+    // The placeholders were written in this order: next case, end, first case.
     for (at, target) in placeholders.into_iter().zip([prologue, finish, prologue]) {
         let mut branch = Code::at(code.base + 2 * at as u32);
         branch.branch(target);

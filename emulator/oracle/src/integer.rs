@@ -6,7 +6,7 @@ fn any(_: &Fields) -> bool {
     true
 }
 
-/// Whether a modified immediate is defined (ThumbExpandImm): a byte that is replicated must not be zero.
+/// Whether a modified immediate is defined (ThumbExpandImm). A byte that is repeated must not be zero.
 fn modified(f: &Fields) -> bool {
     let i = f.get('i');
     i >> 10 != 0 || i >> 8 == 0 || i & 0xFF != 0
@@ -190,7 +190,8 @@ pub(crate) const FP_CONVERT: &[Template] = &[
     ("111011101111 0001 1111 1010 0001 0000", any),
 ];
 
-/// Whether the number of fraction bits, `size` minus imm4:i, is not negative. The field's first bit is i.
+/// Whether the number of fraction bits, `size` minus imm4:i, is not negative. The field has i as its first bit, and
+/// imm4 behind it.
 fn fraction(f: &Fields, size: u32) -> bool {
     let i = f.get('i');
     ((i & 0xF) << 1 | i >> 4) <= size

@@ -54,7 +54,7 @@ pub struct Options {
     /// A directory for recordings: [`EXECUTION`] gets QEMU's results and, with `decode`, [`DECODE`] LLVM's verdicts.
     /// Recordings have [`RECORDED_CASES`] of each class, since the tests of `cortex-m4` repeat all of them.
     pub record: Option<PathBuf>,
-    /// A directory for the image and QEMU's results.
+    /// A directory in which the image and QEMU's results are stored.
     pub scratch: PathBuf,
 }
 
@@ -92,7 +92,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// The number of differing cases of all classes, plus the number of encodings with different registers.
+    /// The number of differing cases of all classes, plus the number of encodings whose registers differ.
     #[must_use]
     pub fn differing(&self) -> usize {
         let registers = self.decode.as_ref().map_or(0, |decode| decode.registers_differ.len());
@@ -123,7 +123,7 @@ impl fmt::Display for Report {
     }
 }
 
-/// Makes `count` cases of `class`, from number `first` on. A case also depends on its position in its image.
+/// Makes `count` cases of `class`, from number `first` on. A case also depends on its position in the image.
 #[must_use]
 pub fn cases(class: Class, seed: u64, first: u64, count: usize) -> Vec<Case> {
     (0..count).map(|i| class.case(seed, first + i as u64, image::code_address(i))).collect()

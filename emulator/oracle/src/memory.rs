@@ -24,18 +24,18 @@ pub(crate) enum Kind {
 }
 
 struct Registers {
-    /// The registers for addresses and indices, which no instruction of the case loads.
+    /// The registers for addresses and indices. No instruction of the case loads them.
     kept: Vec<u32>,
     data: Vec<u32>,
 }
 
-/// Appends accesses to `case`, and sets the registers for their addresses.
+/// Appends accesses to `case`, and sets the registers that hold their addresses.
 pub(crate) fn append(case: &mut Case, kind: Kind, random: &mut Random) {
     let mut low: Vec<u32> = (0..8).collect();
     let mut high: Vec<u32> = (8..13).collect();
     random.shuffle(&mut low);
     random.shuffle(&mut high);
-    // Four low and two high registers hold addresses and indices.
+    // Addresses and indices are in four low and two high registers.
     let mut registers =
         Registers { kept: [&high[..2], &low[..4]].concat(), data: [&low[4..], &high[2..], &[14][..]].concat() };
     let count = 1 + random.below(3);
@@ -63,8 +63,8 @@ fn single(case: &mut Case, bit_band: bool, base: u32, registers: &mut Registers,
     let bytes = 1 << size;
     let address = if bit_band {
         let alias = 0x2200_0000 + (WINDOW - 0x2000_0000) * 32;
-        // The access is aligned. Across the words of two bits, silicon makes two accesses to the alias, and QEMU makes
-        // one for each.
+        // The access is aligned. An access to the alias across the words of two bits is not made: silicon splits it in
+        // two, and QEMU makes one for each word.
         (alias + random.below(WINDOW_WORDS as u32 * 32) * 4 + random.below(4)) & !(bytes - 1)
     } else {
         target(4, bytes, random)
@@ -75,14 +75,14 @@ fn single(case: &mut Case, bit_band: bool, base: u32, registers: &mut Registers,
     let mut code = Vec::new();
     let (l, s) = (u32::from(load), u32::from(signed));
     match random.below(if bit_band { 6 } else { 9 }) {
-        // A 16-bit instruction with an immediate.
+        // The instruction has 16 bits and an immediate.
         0 if base_is_low && !signed => {
             let imm5 = random.below(32);
             set(case, base, address.wrapping_sub(imm5 << size));
             let op = [0b01110, 0b10000, 0b01100][size as usize] | l;
             Instruction::Narrow((op << 11 | imm5 << 6 | base << 3 | low_t) as u16).append(&mut code);
         }
-        // A 16-bit instruction with a register offset.
+        // The instruction has 16 bits and a register offset.
         1 | 2 if base_is_low && registers.kept.last().is_some_and(|&r| r < 8) => {
             let index = registers.kept.pop().unwrap_or_default();
             let offset = random.word();
@@ -100,14 +100,14 @@ fn single(case: &mut Case, bit_band: bool, base: u32, registers: &mut Registers,
             };
             Instruction::Narrow((0x5000 | op << 9 | index << 6 | base << 3 | low_t) as u16).append(&mut code);
         }
-        // A 32-bit instruction with a 12-bit immediate.
+        // The instruction has 32 bits and a 12-bit immediate.
         3 => {
             let imm12 = random.below(4096);
             set(case, base, address.wrapping_sub(imm12));
             let op = 0xF880_0000 | s << 24 | size << 21 | l << 20 | base << 16 | t << 12 | imm12;
             Instruction::Wide(op).append(&mut code);
         }
-        // A 32-bit instruction with an 8-bit immediate: offset, pre-indexed, post-indexed or unprivileged.
+        // The instruction has 32 bits and an 8-bit immediate: offset, pre-indexed, post-indexed or unprivileged.
         4 | 6 => {
             let imm8 = random.below(256);
             let puw = random.pick(&[0b100, 0b101, 0b111, 0b001, 0b011, 0b110]);
@@ -116,7 +116,7 @@ fn single(case: &mut Case, bit_band: bool, base: u32, registers: &mut Registers,
             let op = 0xF800_0800 | s << 24 | size << 21 | l << 20 | base << 16 | t << 12 | puw << 8 | imm8;
             Instruction::Wide(op).append(&mut code);
         }
-        // A 32-bit instruction with a register offset.
+        // The instruction has 32 bits and a register offset.
         5 if registers.kept.len() > 1 => {
             let index = registers.kept.remove(0);
             let (offset, shift) = (random.word(), random.below(4));
@@ -125,7 +125,7 @@ fn single(case: &mut Case, bit_band: bool, base: u32, registers: &mut Registers,
             let op = 0xF800_0000 | s << 24 | size << 21 | l << 20 | base << 16 | t << 12 | shift << 4 | index;
             Instruction::Wide(op).append(&mut code);
         }
-        // SP-relative, or PUSH or POP of one register.
+        // The access is relative to SP, or is a PUSH or POP of one register.
         7 => {
             case.sp = WINDOW + 4 * random.below(WINDOW_WORDS as u32);
             let imm8 = random.below(32);
@@ -137,7 +137,7 @@ fn single(case: &mut Case, bit_band: bool, base: u32, registers: &mut Registers,
             .append(&mut code);
             size = 2;
         }
-        // A literal load reads the code around it.
+        // The access is a literal load, which reads the code around it.
         _ => {
             let imm12 = random.below(400);
             match random.below(3) {
@@ -178,8 +178,8 @@ fn multiple(case: &mut Case, base: u32, registers: &Registers, random: &mut Rand
         0 if base < 8 => {
             set(case, base, middle);
             let mut list = list(random, true, 1);
-            // A load may have its base anywhere in the list. A store may only have it as the lowest register, for which
-            // the result is defined.
+            // A load may have its base anywhere in the list. In a store the result is defined only if the base is the
+            // lowest register.
             if random.once_in(4) && (load || list.trailing_zeros() > base) {
                 list |= 1 << base;
             }
@@ -192,7 +192,7 @@ fn multiple(case: &mut Case, base: u32, registers: &Registers, random: &mut Rand
             Instruction::Narrow((if load { 0xBC00 } else { 0xB400 } | m << 8 | list) as u16).append(&mut code);
         }
         2 | 3 => {
-            // In some cases the address is unaligned, which gives UFSR.UNALIGNED.
+            // In some cases the address is unaligned, which faults with UFSR.UNALIGNED.
             let n = if random.once_in(3) { 13 } else { base };
             set(case, n, middle + if random.once_in(16) { 1 + random.below(3) } else { 0 });
             let mode = random.pick(&[0xE880_0000_u32, 0xE900_0000]);
@@ -225,8 +225,8 @@ fn multiple(case: &mut Case, base: u32, registers: &Registers, random: &mut Rand
 fn exclusive(case: &mut Case, base: u32, registers: &Registers, random: &mut Random) {
     let size = random.below(3);
     let mut address = target(4, 1 << size, random) & !((1 << size) - 1);
-    // Only a load may be unaligned: a store alone faults by ExclusiveMonitorsPass (ARM ARM B2.3.7), but fails without a
-    // fault on QEMU.
+    // Only a load may be unaligned. A store alone would fault by ExclusiveMonitorsPass (ARM ARM B2.3.7), but on QEMU it
+    // fails without a fault.
     let paired = !random.once_in(4);
     if size > 0 && paired && random.once_in(16) {
         address += 1;
@@ -251,7 +251,7 @@ fn exclusive(case: &mut Case, base: u32, registers: &Registers, random: &mut Ran
         Instruction::Wide(0xF3BF_8F2F).append(&mut code);
     }
     Instruction::Wide(store).append(&mut code);
-    // The second store of a pair fails.
+    // A second store of the pair fails.
     if random.once_in(3) {
         Instruction::Wide(store).append(&mut code);
     }
@@ -261,7 +261,7 @@ fn exclusive(case: &mut Case, base: u32, registers: &Registers, random: &mut Ran
 fn floating(case: &mut Case, base: u32, random: &mut Random) {
     let l = random.below(2);
     let double = random.below(2);
-    // An s register's number is Vd:D, a d register's D:Vd.
+    // The number of an s register is Vd:D, that of a d register D:Vd.
     let first = random.below(if double == 1 { 16 } else { 32 });
     let (d, vd) = if double == 1 { (0, first) } else { (first & 1, first >> 1) };
     let common = 0xEC00_0A00 | d << 22 | l << 20 | vd << 12 | double << 8;
@@ -285,7 +285,7 @@ fn floating(case: &mut Case, base: u32, random: &mut Random) {
         let most = if double == 1 { 16 - first } else { 32 - first };
         let registers = 1 + random.below(most.min(if double == 1 { 8 } else { 16 }));
         set(case, n, WINDOW + 64 + stray);
-        // IA, IA with write-back, and DB with write-back.
+        // The modes are IA, IA with write-back, and DB with write-back.
         let mode = random.pick(&[0x0080_0000, 0x00A0_0000, 0x0120_0000]);
         let words = if double == 1 { 2 * registers } else { registers };
         Instruction::Wide(common | mode | n << 16 | words).append(&mut code);

@@ -102,7 +102,7 @@ pub fn run_words<C: Cost>(image: &[u8], words: usize, constant: bool) -> anyhow:
     let mut memory = Memory::new(image, constant);
     let mut core = core::<C>();
     core.reset(&mut memory);
-    // The cases take about 300 instructions each, far less than this limit.
+    // The limit is generous: a case takes about 300 instructions.
     let exit = core.run(&mut memory, 2_000_000_000);
     anyhow::ensure!(exit == Exit::HostCall, "{exit:?} at {:#010x}", core.pc());
     let words = memory.results.as_chunks::<4>().0.iter().take(words);

@@ -35,7 +35,7 @@ pub struct Recording {
     pub classes: Vec<Recorded>,
 }
 
-/// The digests of these results: FNV-1a over words, with a final mixing.
+/// Returns the digests of these results: FNV-1a over words, with a final mixing.
 #[must_use]
 pub fn digests(results: &[u32]) -> Vec<u64> {
     let digest = |words: &[u32]| {

@@ -1,4 +1,4 @@
-//! Encodings as bit patterns, and random instances of them.
+//! Encodings of instructions as bit patterns, and random instances of such patterns.
 //!
 //! A pattern has 16 or 32 characters, each `0`, `1` or a letter; blanks do not count. The bits with the same letter are
 //! one field, most significant bit first. A capital letter stands for a core register (3 or 4 bits), any other letter
@@ -12,7 +12,7 @@ pub(crate) struct Fields {
 }
 
 impl Fields {
-    /// The value of a field, 0 if the pattern does not have it.
+    /// Returns the value of a field, 0 if the pattern does not have the field.
     #[must_use]
     pub(crate) fn get(&self, name: char) -> u32 {
         self.value[name as usize]
@@ -25,7 +25,7 @@ pub(crate) type Template = (&'static str, fn(&Fields) -> bool);
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Instruction {
     Narrow(u16),
-    /// The first halfword is in the upper bits.
+    /// A 32-bit instruction, with its first halfword in the upper bits.
     Wide(u32),
 }
 

@@ -23,7 +23,7 @@ impl Code {
         self
     }
 
-    /// Appends a 32-bit instruction. Its first halfword is in the upper bits.
+    /// Appends a 32-bit instruction, whose first halfword is in the upper bits of `bits`.
     pub(crate) fn wide(&mut self, bits: u32) -> &mut Self {
         self.halves.extend([(bits >> 16) as u16, bits as u16]);
         self

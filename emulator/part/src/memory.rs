@@ -61,14 +61,14 @@ const PAGE_BITS: u32 = 10;
 
 /// Memory that the core and bus controllers write.
 ///
-/// While a core executes from this memory, the pages with its code are watched ([`Ram::watch`]). A change of a byte
+/// A core may execute from this memory. The pages with its code are then watched ([`Ram::watch`]). A change of a byte
 /// ends the watch of its page, so that the core decodes the page again.
 #[derive(Clone, Debug)]
 pub struct Ram {
     bytes: Vec<u8>,
     watched: Vec<u64>,
-    /// The range in which a write may change a watched page: first offset and length.
-    near_watched: (usize, usize),
+    /// The range in which a write may change a watched page or the stuck bit: first offset and length.
+    delicate: (usize, usize),
     rewritten: u64,
     stuck_at: usize,
     stuck: (u8, u8),
@@ -81,7 +81,7 @@ impl Ram {
         Self {
             bytes: vec![0; size],
             watched: vec![0; size.div_ceil(64 << PAGE_BITS)],
-            near_watched: (0, 0),
+            delicate: (0, 0),
             rewritten: 0,
             stuck_at: usize::MAX,
             stuck: (0, 0),
@@ -94,7 +94,7 @@ impl Ram {
         let there = offset < self.bytes.len() as u32;
         if there {
             self.watched[page / 64] |= 1 << (page % 64);
-            self.settle_watches();
+            self.settle_delicate();
         }
         there
     }
@@ -113,19 +113,21 @@ impl Ram {
         self.rewritten
     }
 
-    fn settle_watches(&mut self) {
+    fn settle_delicate(&mut self) {
         let pages = 0..64 * self.watched.len();
         let is_watched = |page: &usize| self.watched[page / 64] >> (page % 64) & 1 != 0;
-        self.near_watched = match (pages.clone().find(is_watched), pages.rev().find(is_watched)) {
-            (Some(first), Some(last)) => {
-                let first = (first << PAGE_BITS).saturating_sub(3);
-                (first, ((last + 1) << PAGE_BITS) - first)
-            }
-            _ => (0, 0),
-        };
+        let watched = pages.clone().find(is_watched).zip(pages.rev().find(is_watched));
+        let watched = watched.map(|(first, last)| (first << PAGE_BITS, (last + 1) << PAGE_BITS));
+        let stuck = (self.stuck_at < self.bytes.len()).then(|| (self.stuck_at, self.stuck_at + 1));
+        let ranges = watched.into_iter().chain(stuck);
+        let range = ranges.reduce(|one, other| (one.0.min(other.0), one.1.max(other.1)));
+        self.delicate = range.map_or((0, 0), |(first, end)| {
+            let first = first.saturating_sub(3);
+            (first, end - first)
+        });
     }
 
-    /// Ends the watches of pages in which `size` bytes from `at` on change.
+    /// Ends the watch of each page in which `size` bytes from `at` on change.
     #[cold]
     #[inline(never)]
     fn rewrite(&mut self, at: usize, size: usize) {
@@ -140,20 +142,21 @@ impl Ram {
             self.watched[word] &= !bit;
         }
         if self.rewritten != before {
-            self.settle_watches();
+            self.settle_delicate();
         }
     }
 
     #[inline(always)]
-    fn may_be_watched(&self, at: usize) -> bool {
-        at.wrapping_sub(self.near_watched.0) < self.near_watched.1
+    fn is_delicate(&self, at: usize) -> bool {
+        at.wrapping_sub(self.delicate.0) < self.delicate.1
     }
 
-    /// Makes one bit stuck, instead of any bit that was stuck before. `address` counts from the start of this memory.
+    /// Makes one bit stuck, and releases any bit that was stuck before. `address` counts from the start of this memory.
     /// With `None` no bit is stuck.
     pub fn stick(&mut self, stuck: Option<StuckBit>) {
         self.stuck_at = stuck.map_or(usize::MAX, |stuck| stuck.address as usize);
         self.stuck = stuck.map_or((0, 0), |stuck| (1 << (stuck.bit & 7), u8::from(stuck.value) << (stuck.bit & 7)));
+        self.settle_delicate();
         self.keep_stuck();
     }
 
@@ -173,7 +176,7 @@ impl Ram {
         &self.bytes
     }
 
-    /// The whole contents, for changes. A stuck bit keeps a value that is written in this way until the next
+    /// The whole contents, for changes. A stuck bit takes a value that is written in this way, until the next
     /// [`Ram::write`] to its byte.
     pub fn bytes_mut(&mut self) -> &mut [u8] {
         self.rewrite(0, self.bytes.len());
@@ -201,13 +204,13 @@ impl Ram {
         if offset & (width as u32 - 1) != 0 { None } else { read(&self.bytes, offset, width) }
     }
 
-    /// Writes as [`Ram::write`] does. Returns `false` and writes nothing if a watched page may be near, or if `offset`
-    /// is not a multiple of the width.
+    /// Writes as [`Ram::write`] does. Returns `false` and writes nothing if a watched page or a stuck bit may be near,
+    /// or if `offset` is not a multiple of the width.
     #[must_use]
     #[inline(always)]
     pub fn write_aligned(&mut self, offset: u32, width: Width, value: u32) -> bool {
         offset & (width as u32 - 1) == 0
-            && !self.may_be_watched(offset as usize)
+            && !self.is_delicate(offset as usize)
             && self.put(offset as usize, width, value)
     }
 
@@ -216,24 +219,40 @@ impl Ram {
     #[inline(always)]
     pub fn write(&mut self, offset: u32, width: Width, value: u32) -> bool {
         let at = offset as usize;
-        if self.may_be_watched(at) {
-            self.rewrite(at, width.bytes() as usize);
+        if self.is_delicate(at) {
+            return self.write_delicate(at, width, value);
         }
         self.put(at, width, value)
     }
 
-    #[inline(always)]
-    fn put(&mut self, at: usize, width: Width, value: u32) -> bool {
-        let written = match width {
-            Width::Byte => self.bytes.get_mut(at).map(|to| *to = value as u8),
-            Width::Half => self.bytes.get_mut(at..at + 2).map(|to| to.copy_from_slice(&(value as u16).to_le_bytes())),
-            Width::Word => self.bytes.get_mut(at..at + 4).map(|to| to.copy_from_slice(&value.to_le_bytes())),
-        };
+    #[cold]
+    #[inline(never)]
+    fn write_delicate(&mut self, at: usize, width: Width, value: u32) -> bool {
+        self.rewrite(at, width.bytes() as usize);
+        let written = self.put(at, width, value);
         if self.stuck_at.wrapping_sub(at) < 4 {
             self.keep_stuck();
         }
+        written
+    }
+
+    // The bytes are written as arrays, since `copy_from_slice` checks in builds with checks that source and destination
+    // do not overlap.
+    #[inline(always)]
+    fn put(&mut self, at: usize, width: Width, value: u32) -> bool {
+        let bytes = &mut self.bytes;
+        let written = match width {
+            Width::Byte => bytes.get_mut(at).map(|to| *to = value as u8),
+            Width::Half => array(bytes.get_mut(at..at + 2)).map(|to| *to = (value as u16).to_le_bytes()),
+            Width::Word => array(bytes.get_mut(at..at + 4)).map(|to| *to = value.to_le_bytes()),
+        };
         written.is_some()
     }
+}
+
+#[inline(always)]
+fn array<const N: usize>(bytes: Option<&mut [u8]>) -> Option<&mut [u8; N]> {
+    bytes?.try_into().ok()
 }
 
 #[inline(always)]
@@ -274,7 +293,10 @@ mod tests {
             let all = index == 6;
             assert_eq!((ram.is_watched(2 * KIB), ram.is_watched(5 * KIB)), (false, !all), "way {index}");
             assert_eq!(ram.rewritten(), if all { 2 } else { 1 });
-            assert!(ram.write_aligned(2 * KIB, Width::Word, 1), "nothing is watched there any more");
+            let stuck = index == 5;
+            assert_eq!(ram.write_aligned(2 * KIB, Width::Word, 0), !stuck, "nothing is watched there any more");
+            assert!(ram.write(2 * KIB, Width::Word, 0));
+            assert_eq!(ram.read(2 * KIB, Width::Word), Some(u32::from(stuck)), "a stuck bit keeps its value");
         }
     }
 }

@@ -100,8 +100,8 @@ pub trait Part: Clone + std::fmt::Debug + Send + 'static {
     /// The part's pins.
     const PINS: Pins;
 
-    /// The names of the part's interrupts in its manual, by number; empty where nothing has that number. A program does
-    /// not have them reliably, since the compiler merges handlers with equal code.
+    /// The names of the part's interrupts in its manual, by number; empty if nothing has that number. The program's
+    /// symbols are no substitute, because the compiler merges handlers with equal code.
     const INTERRUPTS: &'static [&'static str];
 
     /// The addresses and sizes of the part's RAM. It has noise at power-on and belongs to a digest of the state.
@@ -241,11 +241,11 @@ pub trait Part: Clone + std::fmt::Debug + Send + 'static {
     /// not memory.
     fn memory(&self, address: u32, size: usize) -> Option<&[u8]>;
 
-    /// The `size` bytes of memory at `address`, flash included, for changes by a loader. The core then decodes its
+    /// The `size` bytes of memory at `address`, flash included, which a loader may change. The core then decodes its
     /// instructions anew.
     fn memory_mut(&mut self, address: u32, size: usize) -> Option<&mut [u8]>;
 
-    /// Makes one bit of RAM stuck, instead of any bit that was stuck before. With `None` no bit is stuck. Returns
+    /// Makes one bit of RAM stuck, and releases any bit that was stuck before. With `None` no bit is stuck. Returns
     /// whether the part supports this and has RAM there.
     fn stick(&mut self, _stuck: Option<StuckBit>) -> bool {
         false

@@ -151,10 +151,10 @@ const ROWS: &[Row] = &[
     (Can(1, CanPin::Tx), 9, &[(A, 12), (B, 9), (D, 1), (H, 13)]),
 ];
 
-/// The index of a function without a modelled signal.
+/// The index that stands for a function without a modelled signal.
 pub(crate) const NONE: u8 = 255;
 
-/// The index of the signal, or [`NONE`], for each port, pin and function.
+/// For each port, pin and function, the index of the signal, or [`NONE`].
 pub(crate) static SIGNAL_OF: [[[u8; 16]; 16]; 11] = {
     assert!(SIGNALS < NONE as usize);
     let mut table = [[[NONE; 16]; 16]; 11];
@@ -184,8 +184,8 @@ pub(crate) static SIGNAL: [Option<Signal>; SIGNALS] = {
     table
 };
 
-/// The functions of each pin in the data sheet, with function n at bit n. AF15 (EVENTOUT) is left out, since every pin
-/// has it.
+/// The functions that each pin has in the data sheet, with function n at bit n. AF15 (EVENTOUT) is left out, because
+/// every pin has it.
 #[rustfmt::skip]
 pub(crate) static EXISTS: [[u16; 16]; 11] = [
     // Port A

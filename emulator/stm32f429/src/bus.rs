@@ -3,7 +3,7 @@
 use super::*;
 
 impl Stm32f429 {
-    /// Reads at `address` as any bus master can. Memory that only the core reaches is handled elsewhere.
+    /// Reads at `address` as any bus master can. Memory that only the core reaches is read elsewhere.
     pub(crate) fn bus_read(
         &mut self,
         address: u32,
@@ -59,13 +59,13 @@ impl Stm32f429 {
         })
     }
 
-    /// Whether the peripheral's clock is on and its reset is not held.
+    /// Whether the peripheral's clock is on and the peripheral is not held in reset.
     #[inline]
     pub(crate) fn is_open(&self, number: u8) -> bool {
         let gate = id::GATES[usize::from(number)];
         gate.bus == 255
             || self.rcc.is_on(gate)
-            // Any ADC's clock opens the common registers. The three ADCs share one reset bit.
+            // The common registers are open if the clock of any ADC is on. The three ADCs share one reset bit.
             || number == id::ADC && [9, 10].iter().any(|&bit| self.rcc.is_on(rcc::Gate { bus: 4, bit }))
     }
 
@@ -213,7 +213,7 @@ impl Stm32f429 {
             Outcome::BusError => Err(BusError),
             Outcome::Changed => {
                 self.signals.forget_code();
-                // If the core executes from the same bank of flash, it waits until the bank has finished.
+                // A core that executes from the same bank of flash waits until the bank has finished.
                 if let Some(pc) = pc
                     && let Some(offset) = self.flash_offset(pc)
                 {
@@ -228,7 +228,7 @@ impl Stm32f429 {
         self.signals.stall_until(self.signals.stalled_until().max(until));
     }
 
-    /// Reads for the core from any address but RAM on the system bus.
+    /// Reads for the core from any address outside the RAM on the system bus.
     #[inline(never)]
     pub(crate) fn read_other<O: Outside>(&mut self, access: &Access, outside: &mut O) -> Result<u32, BusError> {
         let Access { address, width, purpose, .. } = *access;
@@ -280,7 +280,7 @@ impl Stm32f429 {
         value
     }
 
-    /// Writes for the core to any address but RAM on the system bus.
+    /// Writes for the core to any address outside the RAM on the system bus.
     #[inline(never)]
     pub(crate) fn write_other<O: Outside>(
         &mut self,

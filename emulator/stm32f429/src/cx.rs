@@ -9,7 +9,6 @@
 //! such as `Rtc::new()` and `Adc::new()` (all three with the common registers, offsets 0 to 0x3FF). A USART also has
 //! `receive`, for [`emulator_part::Part::receive`]. Most RTC registers are reset with the backup domain only: the part
 //! calls `Rtc::reset` for BDCR.BDRST and power-on, and `Rtc::system_reset` for other resets.
-//! part calls `Rtc::reset` for BDCR.BDRST and power-on only, and `Rtc::system_reset` for other resets.
 
 use cortex_m4::Width;
 use emulator_part::{Cycle, FindingKind, I2cAnswer, I2cEvent, NEVER, Outside, Pin, SpiFrame, UartFrame};
@@ -30,7 +29,7 @@ impl Ratio {
             (a, b) = (b, a % b);
         }
         let (mut num, mut den) = (num / a.max(1), den / a.max(1));
-        // Real rates are whole hertz and parts per billion. For them this loop never runs.
+        // Real rates are whole hertz and parts per billion, for which this loop never runs.
         while num > u128::from(u64::MAX) || den > u128::from(u64::MAX) {
             (num, den) = (num >> 1, den >> 1);
         }
@@ -90,8 +89,8 @@ impl Clocks {
         self.hclk_hz / u64::from(self.pclk2)
     }
 
-    /// The length of `cycles` core cycles in picoseconds, to the nearest. The division has 128 bits, so frequent
-    /// callers keep the result.
+    /// The length of `cycles` core cycles in picoseconds, to the nearest. The division has 128 bits and is slow, so
+    /// frequent callers keep the result.
     pub(crate) fn ps(&self, cycles: u64) -> u64 {
         let scale = 1_000_000_000_i64 + self.ppb;
         let rate = u128::from(self.hclk_hz) * scale.unsigned_abs() as u128;
@@ -102,7 +101,7 @@ impl Clocks {
     pub(crate) fn cycles_of_ps(&self, ps: u64) -> u64 {
         let scale = 1_000_000_000_i64 + self.ppb;
         let rate = u128::from(self.hclk_hz) * scale.unsigned_abs() as u128;
-        // The common factor 10^6 is taken out first, so that the product fits 128 bits for long times.
+        // The common factor 10^6 is taken out first, because the product of a long time would exceed 128 bits.
         ((u128::from(ps) * (rate / 1_000_000)).div_ceil(1_000_000_000_000_000)) as u64
     }
 
@@ -151,8 +150,7 @@ pub(crate) enum I2cPin {
     Smba,
 }
 
-/// A pin of a timer. ETR of TIM2 shares its pin with channel 1 (data sheet: TIM2_CH1/TIM2_ETR). The pin is `Ch1`, and
-/// [`Pads::pins`] of `Etr` finds it too.
+/// A pin of a timer. The data sheet's pin TIM2_CH1/TIM2_ETR is `Ch1`, and [`Pads::pins`] of `Etr` finds it too.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum TimPin {
     Ch1,
@@ -188,7 +186,7 @@ pub(crate) enum Signal {
 pub(crate) const SIGNALS: usize = 212;
 
 impl Signal {
-    /// A number below [`SIGNALS`] that no other signal has.
+    /// Returns the signal's number, below [`SIGNALS`], which no other signal has.
     #[inline(always)]
     pub(crate) const fn index(self) -> usize {
         match self {
@@ -233,8 +231,8 @@ impl Pads {
     pub(crate) const OPEN: Self =
         Self { routes: [[None; 2]; SIGNALS], levels: [0; 11], open_drain: [0; 11], dac: [None; 2] };
 
-    /// The pins in alternate function mode whose selected function is `signal`. If there are more than two, the lowest
-    /// two by port and number.
+    /// Returns the pins in alternate function mode whose selected function is `signal`. If there are more than two, the
+    /// lowest two by port and number are returned.
     #[inline(always)]
     pub(crate) fn pins(&self, signal: Signal) -> [Option<Pin>; 2] {
         self.routes[signal.index()]
@@ -303,8 +301,8 @@ impl Cx<'_> {
         self.pads.pins(signal)
     }
 
-    /// Makes the instance drive the pins that are connected to `signal`. With `None`, as after a reset, it does not
-    /// drive. During frames the pins keep the level between frames.
+    /// Makes the instance drive the pins that are connected to `signal`; `None` stops that, as a reset does. Within a
+    /// frame the pins keep the level that they have between frames.
     pub(crate) fn output(&mut self, signal: Signal, level: Option<bool>) {
         self.out.outputs.push((self.now, signal, level));
     }

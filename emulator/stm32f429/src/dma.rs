@@ -50,7 +50,7 @@ pub(crate) enum Direction {
     MemoryToMemory,
 }
 
-/// A request: the instance, and the mask of its request outputs.
+/// A DMA request: the number of the instance, and the mask of its request outputs.
 type Source = (u8, u8);
 
 const fn no() -> Source {
@@ -126,9 +126,9 @@ pub(crate) struct Stream {
     /// The 16 bytes of the FIFO, the oldest byte lowest.
     fifo: u128,
     pub(crate) filled: u8,
-    /// The number of bytes of the present transfer that memory has still to supply.
+    /// The number of bytes of the present transfer that have yet to be read from memory.
     ahead: u32,
-    /// The request to which the stream listens. Its mask is 0 while the stream is off.
+    /// The request that the stream serves. Its mask is 0 while the stream is off.
     pub(crate) source: Source,
 }
 
@@ -180,7 +180,7 @@ impl Stream {
         width(self.cr >> 11 & 3)
     }
 
-    /// The width on the memory side. In direct mode it is PSIZE, 10.3.11.
+    /// Returns the width on the memory side. In direct mode it is PSIZE, 10.3.11.
     pub(crate) fn memory_width(&self) -> Width {
         if self.is_direct() { self.peripheral_width() } else { width(self.cr >> 13 & 3) }
     }
@@ -222,26 +222,26 @@ impl Stream {
         value
     }
 
-    /// Whether data from the peripheral has to move from the FIFO to memory now.
+    /// Whether the FIFO has data from the peripheral that must move to memory now.
     pub(crate) fn drains(&self) -> bool {
         u32::from(self.filled) >= self.memory_width().bytes()
             && (self.is_direct() || self.filled >= self.threshold() || self.left == 0)
     }
 
-    /// Whether the FIFO has room for an item from memory that the present transfer needs.
+    /// Whether the present transfer needs an item from memory, and the FIFO has room for it.
     pub(crate) fn fills(&self) -> bool {
         let width = self.memory_width().bytes();
         let room = if self.is_direct() { width } else { 16 };
         self.ahead >= width && u32::from(self.filled) + width <= room
     }
 
-    /// The address of the register that the present transfer began with.
+    /// Returns the address of the peripheral register of the present transfer, as it was at the beginning.
     pub(crate) fn register(&self) -> u32 {
         self.par
     }
 
-    /// Whether the stream is on and moves single bytes between memory and one register, without its FIFO: into memory
-    /// (`to_memory`) or out of it.
+    /// Whether the stream is on and moves single bytes between memory and one register without its FIFO. `to_memory` is
+    /// the direction to look for.
     pub(crate) fn moves_bytes(&self, to_memory: bool) -> bool {
         let direction = if to_memory { Direction::FromPeripheral } else { Direction::ToPeripheral };
         self.is_on()
@@ -251,8 +251,8 @@ impl Stream {
             && self.cr & PINC == 0
     }
 
-    /// Whether the next item is neither the last of the present transfer nor that at its half. A stream of
-    /// [`Stream::moves_bytes`] then has no data of its own if it receives, and one byte if it sends.
+    /// Whether the next item is neither the last of the present transfer nor the one at its half. In this state a
+    /// stream of [`Stream::moves_bytes`] holds no data if it receives, and one byte if it sends.
     #[inline]
     pub(crate) fn is_amid(&self) -> bool {
         self.left > 1
@@ -260,7 +260,7 @@ impl Stream {
             && u32::from(self.filled) == u32::from(self.direction() == Direction::ToPeripheral)
     }
 
-    /// Passes one byte from the peripheral on to memory while [`Stream::is_amid`].
+    /// Counts a byte that goes from the peripheral straight to memory while [`Stream::is_amid`].
     #[inline]
     pub(crate) fn pass_byte(&mut self) {
         self.fifo >>= 8;
@@ -268,7 +268,8 @@ impl Stream {
         self.step_memory();
     }
 
-    /// Returns the stream's byte while [`Stream::is_amid`], and takes the next one from memory, if it has to send one.
+    /// Returns the byte that the stream holds while [`Stream::is_amid`]. Reads the next one from memory if the stream
+    /// has one to send.
     #[inline(always)]
     pub(crate) fn next_byte(&mut self, read: impl FnOnce() -> u32) -> u32 {
         let value = self.fifo as u32 & 0xFF;
@@ -284,7 +285,7 @@ impl Stream {
         value
     }
 
-    /// Counts an item that was read from memory.
+    /// Counts an item that was read from memory into the FIFO.
     pub(crate) fn filled_from_memory(&mut self) {
         self.ahead -= self.memory_width().bytes();
     }
@@ -303,7 +304,7 @@ impl Stream {
         }
     }
 
-    /// Counts an item on the peripheral's side. Returns whether it was the last one of the transfer.
+    /// Counts an item on the peripheral's side. Returns whether the transfer is complete.
     pub(crate) fn count(&mut self) -> bool {
         self.left -= 1;
         if self.left == self.total / 2 {
@@ -357,12 +358,12 @@ fn width(code: u32) -> Width {
     }
 }
 
-/// How a write of a register starts or stops a stream.
+/// The effect that a write of a register has on a stream: start or stop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Turn {
     Nothing,
     On(usize),
-    /// Software switched the stream off. The data in its FIFO still goes to memory.
+    /// Software switched the stream off. The data in its FIFO must still go to memory.
     Off(usize),
 }
 
@@ -478,8 +479,8 @@ impl Dma {
         if new & EN == 0 {
             return Turn::Nothing;
         }
-        // 10.3.17 requires all event flags to be clear "before the stream can be re-enabled". Drivers in wide use leave
-        // the half transfer and FIFO flags set, and their streams start. Any other flag keeps a stream from starting.
+        // 10.3.17 requires all event flags to be clear "before the stream can be re-enabled". Common drivers leave the
+        // half transfer and FIFO flags set, and their streams start. Any other flag keeps a stream from starting.
         if stream.flags & !(HTIF | FEIF) != 0 {
             find(FindingKind::Misuse, "a stream is switched on with flags set: it stays off");
             return Turn::Nothing;
@@ -532,7 +533,7 @@ impl Dma {
         Turn::On(nth)
     }
 
-    /// Switches a stream off for software and sets its transfer complete flag.
+    /// Switches a stream off because software requested it, and sets its transfer complete flag.
     pub(crate) fn switched_off(&mut self, nth: usize) {
         let stream = &mut self.streams[nth];
         stream.switch_off();

@@ -28,9 +28,9 @@ pub(crate) struct Exti {
     swier: u32,
     pr: u32,
     levels: u32,
-    /// The lines with an event for WFE, until the part takes them.
+    /// The lines that have had an event for WFE and that the part has yet to take.
     pub(crate) events: u32,
-    /// The lines with a selected edge, until the part takes them for the ADC's triggers.
+    /// The lines that have had a selected edge and that the part has yet to take, for the ADC's triggers.
     pub(crate) edges: u32,
 }
 
@@ -39,7 +39,7 @@ impl Exti {
         *self = Self { levels: self.levels, ..Self::default() };
     }
 
-    /// Samples the lines of `mask`. Their levels are in `levels`.
+    /// Samples the lines of `mask`, whose levels are in `levels`.
     pub(crate) fn sample(&mut self, mask: u32, levels: u32) {
         let changed = (self.levels ^ levels) & mask;
         self.levels ^= changed;

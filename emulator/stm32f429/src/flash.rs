@@ -82,13 +82,13 @@ pub(crate) struct FlashControl {
     optcr1: u32,
     busy_until: [Cycle; 2],
     readable: bool,
-    /// The number of wait states that are missing because of the supply.
+    /// The number of wait states that the supply requires beyond those that are set.
     missing: u32,
     /// The seed that decides which reads are wrong.
     noise: u64,
     reads: u64,
     programmed: bool,
-    /// The 128-bit line of the last instruction fetch, for the wait states.
+    /// The 128-bit line of the last instruction fetch, from which wait states are counted.
     line: u32,
 }
 
@@ -124,7 +124,7 @@ impl FlashControl {
         *self = Self { memory, optcr: options | OPTLOCK, optcr1, ..Self::with(Flash::new(0)) };
     }
 
-    /// Takes the value of OPTCR that was just programmed, if there is one.
+    /// Takes the new value of OPTCR if one has just been programmed.
     pub(crate) fn take_options(&mut self) -> Option<u32> {
         std::mem::take(&mut self.programmed).then_some(self.optcr & !(OPTLOCK | OPTSTRT))
     }
@@ -157,7 +157,7 @@ impl FlashControl {
         Some(if hit { value ^ 1 << ((word >> 32) as u32 % (8 * width.bytes())) } else { value })
     }
 
-    /// Whether all reads of a word return the same value.
+    /// Whether two reads of the same word always return the same value.
     pub(crate) fn is_certain(&self) -> bool {
         self.missing == 0
     }
@@ -185,7 +185,8 @@ impl FlashControl {
     /// The value of every word of unreadable flash.
     pub(crate) const GARBAGE: u32 = 0xDEFF_DEFF;
 
-    /// Checks the wait states after a change of HCLK, the latency or the supply. Returns whether fetched code changed.
+    /// Checks the wait states after a change of HCLK, of the latency or of the supply. Returns whether the code as the
+    /// core reads it has changed.
     pub(crate) fn check(
         &mut self,
         hclk_hz: u64,
@@ -237,7 +238,7 @@ impl FlashControl {
         }
     }
 
-    /// Converts the end of an operation to the new clock.
+    /// Converts the end of the present operation to the new clock.
     pub(crate) fn clocks_changed(&mut self, now: Cycle, old_hz: u64, new_hz: u64) {
         for until in &mut self.busy_until {
             if *until > now {
@@ -286,7 +287,7 @@ impl FlashControl {
         match offset >> 2 {
             0 => {
                 let new = merge(self.acr, offset, width, value) & 0x1F0F;
-                // ICRST and DCRST are two bits above ICEN and DCEN. Each needs its own cache to be off (RM0090 3.9.1).
+                // The bits ICRST and DCRST are two above ICEN and DCEN. A cache must be off to be reset (RM0090 3.9.1).
                 if new >> 2 & new & (INSTRUCTION_CACHE | DATA_CACHE) != 0 {
                     find(FindingKind::Misuse, "a cache is reset while it is on: that does nothing");
                 }
@@ -430,7 +431,7 @@ impl FlashControl {
         Outcome::Changed
     }
 
-    /// The error flag and the reason for a store that programs nothing; `None` for one that programs.
+    /// Returns the error flag and the reason for a store that programs nothing; `None` for a store that programs.
     fn refusal(&self, offset: u32, width: Width) -> Option<(u32, &'static str)> {
         let (bank, sector) = sector_of(offset);
         if self.cr & (LOCK | PG) != PG || self.cr & (SER | MER | MER1) != 0 {
@@ -446,7 +447,7 @@ impl FlashControl {
         }
     }
 
-    /// Carries out a store into flash, with HCLK at `hz`. Returns why a store programs nothing.
+    /// Carries out a store into flash, with HCLK at `hz`. If the store programs nothing, returns why.
     pub(crate) fn store(
         &mut self,
         offset: u32,
@@ -481,7 +482,7 @@ impl FlashControl {
                 if std::mem::replace(&mut self.line, line) == line { 0 } else { self.latency() }
             }
             _ => {
-                // The array has one read port, so a data access replaces the instructions' line.
+                // The array has only one read port, so a data access replaces the line of instructions.
                 self.line = u32::MAX;
                 self.latency()
             }
@@ -518,7 +519,7 @@ mod tests {
 
     const MHZ: u64 = 1_000_000;
 
-    /// Flash full of zeros with these wait states, HCLK, supply and noise seed.
+    /// Returns flash full of zeros with these wait states, HCLK, supply and noise seed.
     fn flash(latency: u32, hz: u64, microvolts: u32, noise: u64) -> FlashControl {
         let mut flash = FlashControl::new();
         flash.memory.bytes_mut()[..4096].fill(0);
@@ -532,7 +533,7 @@ mod tests {
         read.filter(|(_, word)| *word != 0).collect()
     }
 
-    /// RM0090 table 11: 30, 24, 22 and 20 MHz for each wait state, from 2.7, 2.4, 2.1 and 1.8 V on.
+    /// Table 11 of RM0090 gives the MHz for each wait state: 30, 24, 22 and 20, from 2.7, 2.4, 2.1 and 1.8 V on.
     #[test]
     fn four_wait_states_at_144_mhz_need_2700_mv() {
         assert_eq!(flash(4, 144 * MHZ, 2_700_000, 0).missing, 0);

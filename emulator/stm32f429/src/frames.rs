@@ -1,11 +1,11 @@
-//! SPI frames that two DMA streams exchange with memory, byte by byte: the most frequent event of a part that talks to
-//! its chips. What happens at such a byte is known beforehand, so it is done here at once. [`Stm32f429::settle`] would
-//! come to the same result in several rounds. It does what this module leaves out: every other width and mode, and the
-//! items at which a stream reports something or ends.
+//! Exchanges SPI frames with memory by two DMA streams, byte by byte. This is the most frequent event of a part that
+//! talks to its chips. The effects of such a byte are known beforehand, so they are carried out at once.
+//! [`Stm32f429::settle`] would have the same result in several rounds. It handles what this module leaves out: every
+//! other width and mode, and the items at which a stream reports something or ends.
 
 use super::*;
 
-/// The two streams that serve one SPI: the controller, and the numbers of the streams that receive and send.
+/// The two DMA streams that serve one SPI: the controller, and the numbers of the streams that receive and send.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Pair {
     controller: u8,
@@ -14,7 +14,7 @@ pub(crate) struct Pair {
 }
 
 impl Stm32f429 {
-    /// Finds the two streams that serve each SPI, after a stream was switched on or off.
+    /// Finds the two streams that serve each SPI. It is called when a stream was switched on or off.
     pub(crate) fn pair_streams(&mut self) {
         self.pairs = [None; 6];
         for (controller, dma) in self.dma.iter().enumerate() {
@@ -24,7 +24,7 @@ impl Stm32f429 {
                 if mask != 0 && instance < id::USART {
                     let simple = stream.moves_bytes(mask == 1) && id::at(stream.register()) == (instance, spi::DATA);
                     let found = &mut found[usize::from(instance)][usize::from(mask - 1)];
-                    // A second stream to the same request, or one that is not simple, leaves no pair.
+                    // An SPI has no pair if a second stream serves the same request, or if a stream is not simple.
                     *found |= if *found == 0 && simple { 1 << nth } else { 0xFF };
                 }
             }
@@ -37,8 +37,8 @@ impl Stm32f429 {
         }
     }
 
-    /// Moves the byte that came in the frame that an SPI has just ended to memory, and the next one from memory to the
-    /// SPI. Returns `false`, with nothing done, if this may have any other consequence.
+    /// Moves the byte of the frame that an SPI has just ended to memory, and the next byte from memory to the SPI.
+    /// Returns `false`, with nothing done, if the byte may have any other effect.
     #[inline]
     pub(crate) fn exchange(&mut self, number: u8, now: Cycle) -> bool {
         let Some(Pair { controller, receives, sends }) = self.pairs[usize::from(number)] else { return false };
@@ -59,7 +59,7 @@ impl Stm32f429 {
         let streams = &mut self.dma[nth].streams;
         let (first, second) = (streams[receives].priority(), streams[sends].priority());
         let receives_first = first > second || first == second && receives < sends;
-        // The order matters where both streams use the same buffer.
+        // If both streams use the same buffer, their order matters.
         for receive in [receives_first, !receives_first] {
             if receive {
                 let value = self.spi[usize::from(number)].take_byte();
@@ -86,7 +86,7 @@ mod tests {
     const SPI1: u32 = 0x4001_3000;
     const DMA2: u32 = 0x4002_6400;
 
-    /// The outside of the part, which answers each frame with a number of its own.
+    /// The outside of the part. It answers each frame with the next number.
     #[derive(Clone, Default)]
     struct Counting(u32);
 
@@ -112,7 +112,7 @@ mod tests {
     }
 
     /// The test draws settings of SPI1 and of its two streams: priorities, widths, circular mode, lengths, and buffers
-    /// that overlap. Whether a setting is one that [`Stm32f429::exchange`] handles is drawn with it.
+    /// that overlap. It also draws whether [`Stm32f429::exchange`] can handle the setting.
     #[test]
     fn a_byte_exchanged_at_once_leaves_what_settling_leaves() {
         let (mut state, mut handled) = (1, 0);

@@ -2,7 +2,7 @@
 
 use crate::rcc::Gate;
 
-/// The first number of each kind of instance with events.
+/// The first number of each kind of peripheral that schedules events.
 pub(crate) const SPI: u8 = 0;
 pub(crate) const USART: u8 = 6;
 pub(crate) const I2C: u8 = 14;
@@ -12,7 +12,7 @@ pub(crate) const RNG: u8 = 32;
 pub(crate) const ADC: u8 = 33;
 pub(crate) const CRC: u8 = 34;
 pub(crate) const CAN1: u8 = 35;
-/// The number of [`crate::cx::Peripheral`]s. They have the numbers below it.
+/// The number of [`crate::cx::Peripheral`]s, which have the numbers below it.
 pub(crate) const INSTANCES: u8 = 36;
 pub(crate) const IWDG: u8 = 36;
 pub(crate) const WWDG: u8 = 37;
@@ -20,7 +20,7 @@ pub(crate) const RCC: u8 = 38;
 pub(crate) const FLASH: u8 = 39;
 pub(crate) const DMA1: u8 = 40;
 pub(crate) const DMA2: u8 = 41;
-/// The number of entries in the event queue. They have the numbers below it.
+/// The number of entries in the event queue, which have the numbers below it.
 pub(crate) const SCHEDULED: usize = 42;
 pub(crate) const PWR: u8 = 42;
 pub(crate) const SYSCFG: u8 = 43;
@@ -32,7 +32,7 @@ pub(crate) const STUBS: u8 = 57;
 /// The number of the DAC, which schedules no event.
 pub(crate) const DAC: u8 = STUBS + 3;
 pub(crate) const COUNT: usize = 70;
-/// Stands for an address at which the part has nothing.
+/// The number that stands for an address at which the part has nothing.
 pub(crate) const NOTHING: u8 = 255;
 
 #[rustfmt::skip]
@@ -83,7 +83,7 @@ pub(crate) const fn tim(n: u8) -> u8 {
     TIM + n - 1
 }
 
-/// The number of the instance in each KiB from 0x4000_0000 to 0x4007_FFFF.
+/// For each KiB from 0x4000_0000 to 0x4007_FFFF, the number of the instance there.
 static BLOCKS: [u8; 512] = {
     let mut table = [NOTHING; 512];
     let list: &[(u32, u32, u8)] = &[

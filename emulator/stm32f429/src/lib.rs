@@ -164,7 +164,7 @@ impl Default for Oscillators {
     }
 }
 
-/// Two findings with the same key are one. Words are compared by their address.
+/// The key of a finding. Two findings with the same key count as one. The words are compared by their address.
 type NoteKey = (FindingKind, &'static str, &'static str, Option<u32>);
 
 /// The STM32F429ZI without its core.
@@ -205,7 +205,7 @@ pub struct Stm32f429 {
     due: [Cycle; GROUPS * 8],
     group_due: [Cycle; GROUPS],
     next: Cycle,
-    /// The instances whose outputs must be checked after a call.
+    /// The instances, as bits, whose outputs must be checked after a call.
     dirty: u64,
     /// The DMA requests of each instance.
     requests: [u8; id::SCHEDULED],
@@ -213,9 +213,10 @@ pub struct Stm32f429 {
     listened: [u8; id::SCHEDULED],
     hungry: u64,
     listening: [u8; 2],
-    /// The two streams that exchange bytes with each SPI, where there are such streams.
+    /// For each SPI, the two streams that exchange its bytes, if there are such streams.
     pairs: [Option<frames::Pair>; 6],
-    /// The interrupt lines of TIM9 to TIM14, which share lines with TIM1 and TIM8. The next field is all other lines.
+    /// The interrupt lines of TIM9 to TIM14, which share lines with TIM1 and TIM8. All other lines are in the next
+    /// field.
     shared: [u64; 4],
     own: [u64; 4],
     out: Effects,
@@ -304,7 +305,7 @@ macro_rules! cx {
     };
 }
 
-// These modules use the macros above.
+// These modules use the macros defined above.
 mod bus;
 mod frames;
 mod part;
@@ -321,14 +322,14 @@ impl Stm32f429 {
             bytes[at..at + values.len()].copy_from_slice(values);
         };
         let bytes = factory.bytes_mut();
-        // The default device ID: coordinates, wafer, lot in ASCII (39.1).
+        // The default unique ID has coordinates, wafer, and lot in ASCII (39.1).
         put(bytes, UNIQUE_ID, &[0x2A, 0x00, 0x31, 0x00, 0x0D, b'H', b'O', b'R', b'U', b'S', b'0', b'1']);
         put(bytes, FLASH_SIZE, &2048_u16.to_le_bytes());
-        // VREFINT, and the sensor at 30 °C and at 110 °C, for 3.3 V (data sheet).
+        // The factory values are VREFINT, and the temperature sensor at 30 °C and at 110 °C, for 3.3 V (data sheet).
         for (nth, value) in adc::CALIBRATION.into_iter().enumerate() {
             put(bytes, 0x1FFF_7A2A + 2 * nth as u32, &value.to_le_bytes());
         }
-        // The option bytes as delivered: 0x0FFF_AAED without the lock bits (3.9.10).
+        // The part is delivered with these option bytes: 0x0FFF_AAED without the lock bits (3.9.10).
         put(bytes, OPTION_BYTES, &[0xEC, 0xAA]);
         put(bytes, OPTION_BYTES + 8, &[0xFF, 0x0F]);
         let mut part = Self {
@@ -412,6 +413,14 @@ impl Stm32f429 {
         if std::mem::take(&mut self.rcc.failure) {
             self.out.triggers.push(Trigger::ClockFailure);
         }
+        self.after_rcc(at, None, outside);
+        self.settle(at, outside);
+    }
+
+    /// Makes the oscillator on OSC_IN faster by `ppb` parts per billion from `at` on; slower if it is negative.
+    pub fn drift_hse<O: Outside>(&mut self, at: Cycle, ppb: i64, outside: &mut O) {
+        self.advance(at, outside);
+        self.rcc.drift_hse(at, ppb, self.pwr.supply(), &mut self.out);
         self.after_rcc(at, None, outside);
         self.settle(at, outside);
     }

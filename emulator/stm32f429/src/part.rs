@@ -19,7 +19,7 @@ impl Part for Stm32f429 {
             // PM0214 4.3 gives this number.
             priority_bits: 4,
             vector_table: 0,
-            // 18750 is 1 ms at HCLK/8 of 150 MHz (12.1.2). SKEW says that it is not exact.
+            // The calibration value 18750 is 1 ms at HCLK/8 of 150 MHz (12.1.2). SKEW says that it is not exact.
             systick_calibration: 0x4000_0000 | 18_750,
             systick_reference: 8,
             mpu_regions: 8,
@@ -31,7 +31,7 @@ impl Part for Stm32f429 {
         if let Some(value) = self.sram.read(access.address.wrapping_sub(SRAM_BASE), access.width) {
             return Ok(value);
         }
-        // A copy keeps the compiler from storing the access in memory for each access to RAM.
+        // The copy keeps the compiler from storing the access in memory for each access to RAM.
         self.read_other(&{ *access }, outside)
     }
 
@@ -48,7 +48,7 @@ impl Part for Stm32f429 {
         if let Some(value) = self.sram.read_aligned(address.wrapping_sub(SRAM_BASE), width) {
             return Some(value);
         }
-        // Flash that is being programmed or erased stalls the bus.
+        // Flash that is being programmed or erased stalls the bus, so it cannot be read directly.
         if self.flash.is_quiet() {
             return self.flash.memory.read_aligned(address.wrapping_sub(flash::BASE), width);
         }
@@ -148,7 +148,7 @@ impl Part for Stm32f429 {
         if self.flash_offset(address).is_some() {
             return self.flash.wait_states(address, access.purpose == Purpose::Fetch, bound);
         }
-        // Assumed, since no manual has figures: an active DMA controller takes the RAM or the bridge for one cycle.
+        // No manual has figures. Assumed: an active DMA controller takes the RAM or the bridge for one cycle.
         let contention = u32::from(bound == Bound::Worst && self.dma.iter().any(Dma::is_active));
         match address {
             0x4000_0000..0x4002_0000 => {

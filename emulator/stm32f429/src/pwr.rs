@@ -46,7 +46,7 @@ impl Pwr {
         self.cr
     }
 
-    /// Reads a register. `low` is PVDO.
+    /// Returns the value of a register. `low` is the flag PVDO.
     pub(crate) fn read(&self, offset: u32, width: Width, low: bool) -> u32 {
         let register = match offset >> 2 {
             0 => self.cr,
@@ -59,7 +59,7 @@ impl Pwr {
         lane(register, offset, width)
     }
 
-    /// Writes a register. `pll` is PLLON.
+    /// Writes a register. `pll` is the bit PLLON.
     pub(crate) fn write(&mut self, offset: u32, width: Width, value: u32, pll: bool) {
         match offset >> 2 {
             0 => {

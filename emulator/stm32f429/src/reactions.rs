@@ -5,7 +5,7 @@ use super::*;
 impl Stm32f429 {
     pub(crate) fn refresh(&mut self, number: u8) {
         let (irq, dma, due) = with!(self, number, p => (p.irq(), p.dma(), p.due()));
-        // An instance that gets a frame late may have an event due in the past. The event is handled now.
+        // A frame may reach an instance late, and its event may then be due in the past. Such an event is handled now.
         self.set_due(number, due.max(self.now));
         let at = usize::from(number);
         self.requests[at] = dma as u8;
@@ -136,7 +136,7 @@ impl Stm32f429 {
         }
     }
 
-    /// Computes which requests streams listen to.
+    /// Determines for each instance which of its requests streams serve.
     pub(crate) fn listen(&mut self) {
         self.listened = [0; id::SCHEDULED];
         for (dma, listening) in self.dma.iter().zip(&mut self.listening) {
@@ -154,7 +154,7 @@ impl Stm32f429 {
         self.pair_streams();
     }
 
-    /// Tells the instances a possible change of the clock tree.
+    /// Passes a possible change of the clock tree on to the instances.
     pub(crate) fn after_rcc<O: Outside>(&mut self, now: Cycle, pc: Option<u32>, outside: &mut O) {
         self.set_line(5, self.rcc.irq());
         self.signals.drive_nmi(self.rcc.nmi());
@@ -256,7 +256,7 @@ impl Stm32f429 {
         self.listen();
     }
 
-    /// Carries out everything that a call has set off: lines, pins, triggers, DMA.
+    /// Carries out everything that a call has set off: interrupt lines, pins, triggers, DMA.
     #[inline]
     pub(crate) fn settle<O: Outside>(&mut self, now: Cycle, outside: &mut O) {
         let (mut transfers, mut rounds) = ([0; 2], 0);

@@ -19,7 +19,7 @@ const CECS: u32 = 1 << 1;
 const CEIS: u32 = 1 << 5;
 const SEIS: u32 = 1 << 6;
 
-/// The cycles of the 48 MHz clock per word.
+/// The number of cycles of the 48 MHz clock for one random word.
 const WORD: u64 = 40;
 
 #[derive(Clone, Debug)]

@@ -6,13 +6,13 @@
 
 use emulator_part::{Reset, Supplied};
 
-/// The thresholds of a falling and of a rising supply, in µV.
+/// The thresholds of a supply that falls, and of one that rises, in µV.
 type Threshold = (u32, u32);
 
 const POWER: Threshold = (1_600_000, 1_640_000);
 /// Brown-out levels 3, 2 and 1, in the order of `BOR_LEV`.
 const BROWN_OUT: [Threshold; 3] = [(2_750_000, 2_850_000), (2_440_000, 2_530_000), (2_130_000, 2_230_000)];
-/// By `PWR_CR.PLS`.
+/// The voltage detector's thresholds, by `PWR_CR.PLS`.
 const DETECTOR: [Threshold; 8] = [
     (1_980_000, 2_090_000),
     (2_130_000, 2_230_000),
@@ -34,7 +34,7 @@ pub(crate) struct Supervisors {
     held: Option<Reset>,
     /// `PWR_CSR.PVDO`: whether the supply is below the voltage detector's threshold.
     pub(crate) low: bool,
-    /// Whether PVDO rose since the last check.
+    /// Whether PVDO has risen since the last check.
     pub(crate) warned: bool,
 }
 
@@ -47,7 +47,7 @@ impl Supervisors {
         self.microvolts
     }
 
-    /// Changes the supply. `level` is `BOR_LEV`.
+    /// Changes the supply voltage. `level` is the option `BOR_LEV`.
     pub(crate) fn supply(&mut self, microvolts: u32, level: u32) -> Supplied {
         self.microvolts = microvolts;
         let before = self.held;
@@ -66,7 +66,7 @@ impl Supervisors {
         }
     }
 
-    /// Updates the voltage detector. `cr` is `PWR_CR`.
+    /// Updates the voltage detector. `cr` is the register `PWR_CR`.
     pub(crate) fn detect(&mut self, cr: u32) {
         let (falls, rises) = DETECTOR[(cr >> 5 & 7) as usize];
         let low = cr & PVDE != 0 && self.microvolts < if self.low { rises } else { falls };
@@ -99,7 +99,7 @@ mod tests {
         assert_eq!(supply.supply(1_600_000, 3), Supplied::Enough);
         assert_eq!(supply.supply(1_599_999, 3), Supplied::HeldInReset);
         assert_eq!(supply.supply(1_640_000, 3), Supplied::Restarts(Reset::PowerOn));
-        // A supply that has fallen to 0 restarts as at power-on, at any brown-out level.
+        // After a supply of 0 the part restarts as at power-on, whatever the brown-out level is.
         assert_eq!(supply.supply(0, 0), Supplied::HeldInReset);
         assert_eq!(supply.supply(2_849_999, 0), Supplied::HeldInReset);
         assert_eq!(supply.supply(2_850_000, 0), Supplied::Restarts(Reset::PowerOn));

@@ -41,7 +41,7 @@ impl Syscfg {
         lane(register, offset, width)
     }
 
-    /// Writes a register. Returns what is not modelled of the written setting.
+    /// Writes a register. If the setting is not modelled, returns what is missing.
     pub(crate) fn write(&mut self, offset: u32, width: Width, value: u32) -> Option<&'static str> {
         let merged = |old: u32| merge(old, offset, width, value);
         match offset >> 2 {

@@ -30,8 +30,8 @@ impl Stm32f429 {
         self.after_dma(nth);
     }
 
-    /// Serves the next request, by software priority and then stream number; DMA1 precedes DMA2. Returns the controller
-    /// that had one.
+    /// Serves the next DMA request: by software priority, then by stream number, and DMA1 before DMA2. Returns the
+    /// controller whose request was served.
     pub(crate) fn transfer(&mut self, now: Cycle) -> Option<usize> {
         let mut pauses = false;
         for nth in 0..2 {
@@ -58,7 +58,7 @@ impl Stm32f429 {
             }
         }
         if !pauses {
-            // No stream listens to a request that is still up.
+            // No stream serves a request that is still active.
             self.hungry = 0;
         }
         None

@@ -24,15 +24,15 @@ pub(crate) struct Iwdg {
     running: bool,
     pr: u32,
     rlr: u32,
-    /// The written PR, with the cycle from which it is in force.
+    /// The value written to PR, and the cycle from which it is in force.
     pr_next: Option<(u32, Cycle)>,
     rlr_next: Option<(u32, Cycle)>,
     count: u32,
     since: Cycle,
     end: Cycle,
-    /// Whether the watchdog has run out, until the part takes it.
+    /// Whether the watchdog has run out and the part has yet to take this.
     pub(crate) expired: bool,
-    /// Whether the watchdog was started, until the part starts LSI.
+    /// Whether the watchdog was started and the part has yet to start LSI.
     pub(crate) started: bool,
 }
 
@@ -57,7 +57,7 @@ impl Iwdg {
         4 << self.pr.min(6)
     }
 
-    /// Counts down from `count`. The watchdog runs out one tick after 0.
+    /// Counts down from `count`. The watchdog runs out one tick after the count is 0.
     fn schedule(&mut self, now: Cycle, count: u32, lsi: Ratio) {
         self.count = count;
         self.since = now;
@@ -116,10 +116,10 @@ impl Iwdg {
             now + ps as u64 + 1
         };
         if self.running {
-            // The start of the count moves too, so that the fraction of a tick is kept.
+            // The start of the count moves with the clock, so that the fraction of a tick is kept.
             let gone = u128::from(now.saturating_sub(self.since)) * u128::from(new.hclk_hz);
             let gone = (gone / u128::from(old.hclk_hz.max(1))) as u64;
-            // If the start would be negative it becomes 0, and the ticks before it are subtracted from the count.
+            // A start before cycle 0 is set to 0. The ticks before it are taken from the count.
             if gone <= now {
                 self.since = now - gone;
             } else {
@@ -166,7 +166,8 @@ impl Iwdg {
         lsi: Ratio,
         lsi_runs: bool,
     ) -> Option<&'static str> {
-        // Five ticks of LSI. If LSI does not run yet, its start-up time of 40 µs is added: at most 2 ticks at 47 kHz.
+        // An update takes five ticks of LSI. If LSI does not run yet, its start-up time of 40 µs is added: at most 2
+        // ticks at 47 kHz.
         let delay = lsi.cycles(if lsi_runs { 5 } else { 7 });
         match offset >> 2 {
             0 => {
@@ -303,13 +304,13 @@ impl Wwdg {
             }
             1 => {
                 let count = self.count(now, clocks);
-                // Only a reset clears EWI (22.6.2).
+                // EWI is cleared by a reset only (22.6.2).
                 self.cfr = merge(self.cfr, offset, width, value) & 0x3FF | self.cfr & EWI;
                 self.written = count;
                 self.written_at = now;
                 self.schedule(clocks, now);
             }
-            // EWIF cannot be set.
+            // Software can clear EWIF but not set it.
             2 if merge(1, offset, width, value) & 1 == 0 => self.early = false,
             _ => {}
         }

@@ -22,7 +22,7 @@ impl Random {
     }
 }
 
-/// Blocks of registers. DMA and timers, which have the most state, are listed several times.
+/// The blocks of registers to write to. DMA and timers, which have the most state, are listed several times.
 #[rustfmt::skip]
 const BLOCKS: [u32; 40] = [
     0x4000_0000, 0x4000_0400, 0x4000_0C00, 0x4000_1000, 0x4000_1800, 0x4000_1C00, 0x4000_2800, 0x4000_2C00, 0x4000_3000,
@@ -52,7 +52,7 @@ fn run(seed: u64, accesses: u32) {
                     0 => random.next(),
                     1 => 1 << random.below(32),
                     2 => random.below(256),
-                    // Addresses for a stream.
+                    // These are addresses for a DMA stream.
                     _ => [0x2000_0000, 0x4001_300C, 0x4000_4404, 0x4002_6410, 0x4002_3C04][random.below(5) as usize],
                 };
                 let _ = rig.try_write(address, width, value);
@@ -71,7 +71,7 @@ fn run(seed: u64, accesses: u32) {
                 rig.part.receive(rig.now, pin, frame, &mut rig.bench);
             }
             14 => {
-                // Settings of the clock tree that do not slow the test down.
+                // These settings of the clock tree do not slow the test down.
                 let value = [2, 5 << 10 | 4 << 13 | 2, 7 << 10 | 2, 0x80 | 2, 0][random.below(5) as usize];
                 rig.write(RCC + 8, value);
             }

@@ -60,7 +60,7 @@ fn the_security_system_answers_an_hse_failure_with_hsi_and_nmi() {
 #[test]
 fn an_hse_failure_without_the_security_system_stops_the_core_clock() {
     let mut rig = Rig::board();
-    // CSSON cannot be cleared.
+    // Software cannot clear CSSON, so the test goes on with a new part.
     let mut fresh = Rig::new(Oscillators::default());
     std::mem::swap(&mut rig, &mut fresh);
     rig.write(RCC, 0x83 | 1 << 18);
@@ -81,13 +81,13 @@ fn spi_frames_travel_by_dma_with_the_pins_of_the_board() {
     for (nth, byte) in [0x12_u32, 0x34, 0x56].into_iter().enumerate() {
         rig.try_write(0x2000_1000 + nth as u32, Width::Byte, byte).expect("RAM");
     }
-    // Stream 0, channel 3: data in, advancing memory address, transfer complete interrupt.
+    // Stream 0, channel 3, receives: it advances the memory address and has the transfer complete interrupt.
     rig.write(SPI1 + 4, 1);
     rig.write(DMA2 + 0x14, 3);
     rig.write(DMA2 + 0x18, SPI1 + 0xC);
     rig.write(DMA2 + 0x1C, 0x2000_2000);
     rig.write(DMA2 + 0x10, 3 << 25 | 3 << 16 | 1 << 10 | 1 << 4 | 1);
-    // Stream 3, channel 3: data out.
+    // Stream 3, channel 3, sends.
     rig.write(DMA2 + 0x5C, 3);
     rig.write(DMA2 + 0x60, SPI1 + 0xC);
     rig.write(DMA2 + 0x64, 0x2000_1000);
@@ -120,7 +120,7 @@ fn a_gnss_receivers_bytes_go_round_a_ring() {
     rig.write(GPIOD + 0x0C, 1 << 12);
     rig.write(GPIOD + 0x20, 7 << 24);
     rig.write(GPIOD, 2 << 12);
-    // DMA1 stream 5, channel 4: data in, circular, half and complete interrupts.
+    // DMA1 stream 5, channel 4, receives in circular mode, with half and complete interrupts.
     rig.write(DMA1 + 0x8C, 4);
     rig.write(DMA1 + 0x90, USART2 + 4);
     rig.write(DMA1 + 0x94, 0x2000_3000);
@@ -268,7 +268,7 @@ fn what_has_no_clock_reads_zero_and_keeps_nothing() {
 #[test]
 fn the_independent_watchdog_restarts_the_part_unless_it_is_fed() {
     let mut rig = Rig::board();
-    // 32 kHz / 4 with reload value 800: 100 ms.
+    // The watchdog counts 800 ticks of 32 kHz / 4, which are 100 ms.
     rig.write(IWDG, 0x5555);
     rig.write(IWDG + 4, 0);
     rig.write(IWDG + 8, 799);
@@ -314,7 +314,7 @@ fn flash_is_erased_and_programmed_by_its_interface_alone() {
     rig.write(FLASH + 0xC, 0xF0);
     rig.write(FLASH + 4, 0x4567_0123);
     rig.write(FLASH + 4, 0xCDEF_89AB);
-    // Sector 12, 32 bits at a time.
+    // The erase is of sector 12, with 32 bits in parallel.
     rig.write(FLASH + 0x10, 1 << 1 | 16 << 3 | 2 << 8);
     rig.write(FLASH + 0x10, 1 << 1 | 16 << 3 | 2 << 8 | 1 << 16);
     assert_eq!(rig.read(FLASH + 0xC) & 1 << 16, 1 << 16, "busy");

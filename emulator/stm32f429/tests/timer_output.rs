@@ -20,12 +20,13 @@ const ARR: u32 = TIM2 + 0x2C;
 const CCR3: u32 = TIM2 + 0x3C;
 
 const PB10: Pin = Pin::new(1, 10);
-/// The core cycles of a timer tick: 144 MHz / 72 MHz.
+/// The core cycles of a tick of the timer: 144 MHz / 72 MHz.
 const CYCLES_PER_TICK: Cycle = 2;
 /// The timer's period, 10 ms, in core cycles.
 const PERIOD: Cycle = 720_000 * CYCLES_PER_TICK;
 
-/// Sets TIM2 up on PB10, not counting yet: period 10 ms, pin high while CNT < `compare`.
+/// Sets TIM2 up on PB10 with a period of 10 ms, so that the pin is high while CNT < `compare`. The counter is not
+/// enabled yet.
 fn ready(prescaler: u32, compare: u32) -> Rig {
     let mut rig = Rig::board();
     rig.set(RCC + 0x40, 1);

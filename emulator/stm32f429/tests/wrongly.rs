@@ -12,7 +12,7 @@ const TIM5: u32 = 0x4000_0C00;
 
 #[test]
 fn a_pll_out_of_its_limits_never_locks() {
-    // PLLM 1, a VCO at 433 MHz, and a VCO input of 0.5 MHz.
+    // The three settings are a PLLM of 1, a VCO at 433 MHz, and a VCO input of 0.5 MHz.
     for config in [1 | 50 << 6, 8 | 433 << 6, 16 | 400 << 6] {
         let mut rig = Rig::new(Oscillators::default());
         rig.write(RCC + 4, config | 4 << 24 | 1 << 22);
@@ -224,7 +224,7 @@ fn the_cores_own_ram_is_data_alone() {
 fn dma1_does_not_reach_apb2() {
     let mut rig = Rig::board();
     rig.set(RCC + 0x40, 1 << 3);
-    // TIM5_UP is on stream 6, channel 6. Its transfers read SPI1, which is on APB2.
+    // The request TIM5_UP is on stream 6, channel 6. Its transfers read SPI1, which is on APB2.
     rig.write(DMA1 + 0x10 + 6 * 0x18 + 4, 1);
     rig.write(DMA1 + 0x10 + 6 * 0x18 + 8, SPI1 + 0xC);
     rig.write(DMA1 + 0x10 + 6 * 0x18 + 12, 0x2000_0000);
@@ -273,14 +273,14 @@ fn a_deep_sleep_is_found_since_it_is_an_ordinary_one_here() {
 fn a_lasting_dma_request_occupies_its_own_controller_alone() {
     let mut rig = Rig::board();
     rig.spi_up();
-    // SPI1_TX is on stream 3, channel 3. It writes CRCPR instead of DR, so TXE stays set.
+    // The request SPI1_TX is on stream 3, channel 3. The transfers write CRCPR in place of DR, so TXE stays set.
     let stream = DMA2 + 0x10 + 3 * 0x18;
     rig.write(stream + 4, 60_000);
     rig.write(stream + 8, SPI1 + 0x10);
     rig.write(stream + 12, 0x2000_0000);
     rig.write(stream, 3 << 25 | 1 << 6 | 1);
     rig.write(SPI1 + 4, 2);
-    // TIM5_UP is on stream 6, channel 6 of the other controller.
+    // The request TIM5_UP is on stream 6, channel 6 of the other DMA controller.
     rig.set(RCC + 0x40, 1 << 3);
     let other = DMA1 + 0x10 + 6 * 0x18;
     rig.write(other + 4, 1);
@@ -292,7 +292,7 @@ fn a_lasting_dma_request_occupies_its_own_controller_alone() {
     rig.write(TIM5 + 0x14, 1);
     rig.step(8_000);
     assert_eq!(rig.read(other + 4), 0, "served meanwhile");
-    // Eight cycles each, in runs of 64.
+    // The transfers take eight cycles each, in runs of 64.
     let moved = before - rig.read(stream + 4);
     assert!((900..=1_200).contains(&moved), "{moved} items in 8000 cycles");
 }

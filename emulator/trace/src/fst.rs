@@ -17,7 +17,7 @@ const BLOCK: usize = 16 << 20;
 pub(super) struct FstFile {
     writer: FstBodyWriter<BufWriter<File>>,
     ids: Vec<FstSignalId>,
-    /// The digits of a value that is being written, kept to avoid an allocation for each value.
+    /// The digits of the value that is being written. They are kept, so that no value needs an allocation.
     digits: Vec<u8>,
 }
 
@@ -48,12 +48,12 @@ impl FstFile {
         regroup(&mut header, group, &[], open, close)?;
         ids.sort_by_key(|(id, _)| *id);
         let ids = ids.into_iter().map(|(_, id)| id).collect();
-        // Changes before the first instant are the signals' values at 0 ns.
+        // Before the first instant, changes set the values of the signals at 0 ns.
         Ok(Self { writer: header.finish().map_err(failed)?, ids, digits: vec![] })
     }
 
     pub(super) fn time(&mut self, at: u64) -> io::Result<()> {
-        // A block of the file may end only between two instants.
+        // A block of the file may end only between two instants, which is here.
         if self.writer.size() > BLOCK {
             self.writer.flush().map_err(failed)?;
         }

@@ -40,8 +40,8 @@ use file::TraceFile;
 pub use signals::{Id, Signal, Value};
 pub use tasks::{Task, TaskChange, TaskSignal, TaskWatch, task_signals};
 
-/// The greatest time by which a change may come late, ns: the longest byte on a bus plus the greatest time by which one
-/// board runs ahead of another.
+/// The greatest time, ns, by which a change may come late: the longest byte on a bus, plus the time by which one board
+/// may run ahead of another.
 const WINDOW_NS: u64 = 200_000;
 
 /// The reason why a trace cannot be written.
@@ -80,7 +80,8 @@ pub struct Trace {
     file: TraceFile,
     signals: Vec<Signal>,
     values: Vec<Value>,
-    /// Events that have not been written yet, by instant and signal; the latest of several counts.
+    /// The events that have not been written yet, by instant and signal. If a signal has several at one instant, the
+    /// latest counts.
     waiting: BTreeMap<(u64, Id), Value>,
     /// The instant, ns, before which all events are written.
     written: u64,
@@ -100,8 +101,8 @@ impl Trace {
         Ok(Self { path: path.to_owned(), file, signals, values, waiting: BTreeMap::new(), written: 0, begun: false })
     }
 
-    /// Gives a signal a value from the instant `at` (ns) on. Changes may be slightly out of order; of several at one
-    /// instant the last counts.
+    /// Sets the value of a signal from the instant `at` (ns) on. Changes may be slightly out of order. If there are
+    /// several at one instant, the last counts.
     pub fn set(&mut self, at: u64, id: Id, value: Value) {
         self.waiting.insert((at, id), value);
     }

@@ -2,7 +2,7 @@
 
 use std::io;
 
-/// A signal's place in the list that [`crate::Trace::create`] got.
+/// A signal, as its index in the list that was passed to [`crate::Trace::create`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Id(pub usize);
 
@@ -39,7 +39,7 @@ pub(super) fn by_group(signals: &[Signal]) -> Vec<(Id, &Signal)> {
     sorted
 }
 
-/// The digits of `value` in both file formats, most significant first; `z` if nothing drives the signal.
+/// Returns the digits of `value` in both file formats, most significant first; `z` if nothing drives the signal.
 pub(super) fn digits(bits: u32, value: Value) -> impl Iterator<Item = u8> {
     (0..bits).rev().map(move |bit| match value {
         Some(value) => b'0' + u8::from(value >> bit & 1 != 0),
@@ -47,7 +47,7 @@ pub(super) fn digits(bits: u32, value: Value) -> impl Iterator<Item = u8> {
     })
 }
 
-/// Calls `close` for each group that ends, and `open` for each group that begins, between two successive signals.
+/// Calls `close` for each group that ends between two successive signals, and `open` for each group that begins.
 pub(super) fn regroup<T>(
     to: &mut T,
     from: &[&'static str],

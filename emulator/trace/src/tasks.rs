@@ -1,4 +1,5 @@
-//! Derives from the changes of the active exception when each task of a board is active and when the core sleeps.
+//! Derives signals from the changes of the active exception: when each task of a board is active, and when the core
+//! sleeps.
 
 use std::fmt;
 
@@ -39,7 +40,7 @@ pub enum TaskSignal {
 }
 
 impl TaskSignal {
-    /// The signal's place in the list that [`task_signals`] makes of `tasks` tasks.
+    /// Returns the signal's index in the list that [`task_signals`] makes of `tasks` tasks.
     #[must_use]
     pub const fn place(self, tasks: usize) -> usize {
         match self {
@@ -52,7 +53,8 @@ impl TaskSignal {
     }
 }
 
-/// The signals of `tasks` in the group `tasks` of `board`, whose name those that are of no task begin with.
+/// Returns the signals of `tasks`, in the group `tasks` of `board`. The names of signals that belong to no task begin
+/// with the board's name.
 #[must_use]
 pub fn task_signals(board: &'static str, tasks: &[Task]) -> Vec<Signal> {
     let named = tasks.iter().map(|task| (task.to_string(), 1));
@@ -82,7 +84,7 @@ const SYSTEM: [(u16, &str); 9] = [
 #[derive(Clone, Debug)]
 pub struct TaskWatch {
     tasks: Vec<Task>,
-    /// The active exceptions with their priorities, in the order in which they began. The last one runs.
+    /// The active exceptions with their priorities, in the order in which they became active. The last one runs.
     entered: Vec<(u16, i16)>,
     asleep: bool,
 }
@@ -121,7 +123,8 @@ impl TaskWatch {
         &self.tasks
     }
 
-    /// Takes the changes since the last call, which must be at most 4096 changes of the active exception ago.
+    /// Takes the changes since the last call. Since then at most 4096 changes of the active exception may have
+    /// happened.
     pub fn take(&mut self, node: &mut dyn AnyNode) -> Vec<TaskChange> {
         let mut marks = vec![];
         let mut sleeps = node.take_sleeps().into_iter().peekable();
@@ -140,7 +143,7 @@ impl TaskWatch {
 
     fn changes(&mut self, at: u64, active: u16, priority: i16, marks: &mut Vec<TaskChange>) {
         if let Some(place) = self.entered.iter().position(|&(entered, _)| entered == active) {
-            // The core returned to an exception that was active before, or entered it again by tail-chaining.
+            // The core has returned to an exception that was active before, or has entered it again by tail-chaining.
             self.leave(at, place + 1, marks);
         } else {
             // A less urgent exception cannot preempt, so it follows by tail-chaining (ARMv7-M ARM B1.5.12).
@@ -156,11 +159,11 @@ impl TaskWatch {
         self.idle(at, marks);
     }
 
-    /// Records the end of all active exceptions after the first `stay`.
+    /// Records that all active exceptions after the first `stay` have ended.
     fn leave(&mut self, at: u64, stay: usize, marks: &mut Vec<TaskChange>) {
         for (ended, _) in self.entered.split_off(stay) {
             let signal = self.signal(ended);
-            // Exceptions outside the list of tasks share one signal, which ends when the last of them ends.
+            // All exceptions outside the list of tasks share one signal. It ends when the last of them ends.
             if self.entered.iter().all(|&(entered, _)| self.signal(entered) != signal) {
                 marks.push((at, signal, 0));
             }

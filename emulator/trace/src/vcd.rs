@@ -57,7 +57,7 @@ impl VcdFile {
             let value = digits(1, value).map(digit).next().unwrap_or(vcd::Value::X);
             return self.writer.change_scalar(self.codes[place], value);
         }
-        // The format allows the leading digits that are all alike to be left out (18.2.1).
+        // The format allows equal leading digits to be left out (18.2.1).
         let needed = value.map_or(1, |value| (u64::BITS - value.leading_zeros()).clamp(1, bits));
         self.writer.change_vector(self.codes[place], digits(needed, value).map(digit))
     }

@@ -1,8 +1,8 @@
 //! Waits for the 32 MHz crystal (HFXO), without register accesses.
 //!
 //! The part starts on its internal oscillator (HFINT), which is off by up to 8 % (PS v1.7, 5.4.4). No task runs on
-//! HFINT (docs/decisions/0023-start-and-clocks.md). The crystal typically starts within 0.36 ms (PS v1.7, 5.4.4).
-//! start (PS v1.7, 5.4.4, start-up time).
+//! HFINT (docs/decisions/0023-start-and-clocks.md). The crystal typically starts within 0.36 ms (PS v1.7, 5.4.4,
+//! start-up time).
 
 /// How often [`starts`] polls the crystal before it reports a failure.
 const POLLS: u32 = 1_000;
@@ -12,11 +12,11 @@ const PAUSE_US: u32 = 10;
 /// The least pause between two polls of the crystal, in clock cycles of 64 MHz.
 pub const PAUSE_CYCLES: u32 = 64 * PAUSE_US;
 
-/// The least time that the crystal has for its start, ms: 27 times the typical start-up time.
+/// The least time that the crystal is given for its start, ms: 27 times the typical start-up time.
 pub const START_MS: u32 = POLLS * PAUSE_US / 1_000;
 
-/// The longest duration of [`starts`], ms; the watchdog resets the part after 100 ms. The factor allows for a processor
-/// delay of up to twice the cycles, an internal oscillator that is 8 % slow, and the time of the polls.
+/// The longest duration of [`starts`], ms; the watchdog resets the part after 100 ms. The factor 5/2 allows for three
+/// causes: `pause` may take up to twice its cycles, the internal oscillator may be 8 % slow, and the polls take time.
 pub const START_MAX_MS: u32 = START_MS * 5 / 2;
 
 /// Waits until the crystal runs, [`START_MAX_MS`] at most, and returns whether it runs. `pause` must wait at least

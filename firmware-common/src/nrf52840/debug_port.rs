@@ -42,7 +42,7 @@ pub trait Registers {
     /// Reads UICR.APPROTECT, 0x1000_1208.
     fn uicr_approtect(&self) -> u32;
 
-    /// Writes [`SW_DISABLE`] to APPROTECT.DISABLE, 0x4000_0558. Not called on older parts without that register.
+    /// Writes [`SW_DISABLE`] to APPROTECT.DISABLE, 0x4000_0558. Never called on older parts, which lack this register.
     fn disable_protection(&mut self);
 }
 

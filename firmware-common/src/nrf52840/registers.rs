@@ -43,13 +43,13 @@ pub fn open_debug_port(ficr: &pac::FICR, uicr: &pac::UICR) -> DebugPort {
     debug_port::open(&mut Protection { ficr, uicr })
 }
 
-/// A word that keeps its value over every reset that leaves the RAM powered.
+/// A word of RAM that keeps its value over every reset that leaves the RAM powered.
 #[link_section = ".uninit.RAM_KEPT"]
 static RAM_KEPT: AtomicU32 = AtomicU32::new(0);
 /// The value of [`RAM_KEPT`] once the firmware has run since power-on.
 const KEPT: u32 = 0x4450_5221;
 
-/// Returns the reason of the last reset. Call it once only: the first call marks the RAM as kept.
+/// Returns the reason of the last reset. To be called only once, because the first call marks the RAM as kept.
 pub fn reset_reason() -> ResetReason {
     let ram_kept = RAM_KEPT.swap(KEPT, Ordering::Relaxed) == KEPT;
     reset::reason(start::reset_flags(), ram_kept)
@@ -59,7 +59,7 @@ pub fn reset_reason() -> ResetReason {
 /// wait has no limit.)
 #[must_use]
 pub fn start_crystal(clock: &pac::CLOCK) -> bool {
-    // The event HFCLKSTARTED may still be set from an earlier start (anomaly 36).
+    // The event HFCLKSTARTED may be left over from an earlier start (anomaly 36), so it is cleared first.
     clock.events_hfclkstarted.reset();
     // SAFETY: 1 is a valid value of a task register.
     clock.tasks_hfclkstart.write(|w| unsafe { w.bits(1) });
@@ -73,8 +73,8 @@ pub fn start_crystal(clock: &pac::CLOCK) -> bool {
 pub const POWER_FAIL_MV: u32 = 2_700;
 
 /// Enables the power-fail comparator and its interrupt, whose handler must not return. Returns whether the supply is
-/// already below [`POWER_FAIL_MV`], which raises the event as well (PS v1.7, 5.3.3). The part's own brown-out reset, at
-/// 1.6 V, is always enabled.
+/// already below [`POWER_FAIL_MV`]. In that case the event is raised as well (PS v1.7, 5.3.3). The part's own brown-out
+/// reset, at 1.6 V, is always enabled.
 #[must_use]
 pub fn watch_supply(power: &pac::POWER) -> bool {
     power.events_pofwarn.reset();
@@ -88,7 +88,7 @@ pub fn watch_supply(power: &pac::POWER) -> bool {
 /// The prescaler with which a timer counts µs: 16 MHz / 2^4.
 pub const COUNTER_PRESCALER: u8 = 4;
 
-/// The capture register that every timer uses for the present time. [`now_us`] uses that of TIMER0.
+/// The capture register by which every timer's present time is read. [`now_us`] uses that of TIMER0.
 pub const NOW_CAPTURE: usize = 3;
 
 /// Starts a 32-bit timer that counts µs from zero and never stops.

@@ -14,8 +14,8 @@ const LOCKUP: u32 = 1 << 3;
 /// Returns the reason for the RESETREAS value `bits`. `ram_kept` says whether the uninitialised word of RAM has kept
 /// its value.
 ///
-/// If the bit of the reset pin is set, all others are ignored (anomaly 136). System OFF, which the firmwares never use,
-/// counts as "other".
+/// If the bit of the reset pin is set, all other bits are ignored (anomaly 136). System OFF, which the firmwares never
+/// use, counts as "other".
 #[must_use]
 pub const fn reason(bits: u32, ram_kept: bool) -> ResetReason {
     if bits & RESETPIN != 0 {

@@ -9,7 +9,8 @@
 //! recovered from the running watchdog later.
 
 /// Installs the first instructions of a firmware for the nRF52840. The watchdog resets the part 100 ms after its last
-/// feed. It counts while the processor sleeps and, unless `$debugger_stops` is true, while a debugger halts it.
+/// feed. The watchdog counts while the processor sleeps and, unless `$debugger_stops` is true, while a debugger halts
+/// it.
 #[macro_export]
 macro_rules! install_nrf52840_start {
     ($debugger_stops:expr) => {
@@ -35,7 +36,8 @@ macro_rules! install_nrf52840_start {
                 "str r1, [r0]",
             ]
             ticks = const 32_768 / 10,
-            // CONFIG (PS v1.7, 6.36): bit 0 counts while the processor sleeps, bit 3 while a debugger halts it.
+            // In CONFIG (PS v1.7, 6.36), bit 0 makes the watchdog count while the processor sleeps, bit 3 while a
+            // debugger halts it.
             config = const if $debugger_stops { 0b0001 } else { 0b1001 },
             flags = sym $crate::start::RESET_FLAGS,
         );

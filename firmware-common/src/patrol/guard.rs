@@ -13,7 +13,7 @@ pub const COUNT: usize = 5;
 pub const WORDS: u32 = 2;
 
 const fn value(address: u32) -> u32 {
-    // The constant has as many ones as zeros, and its bytes differ from each other.
+    // The constant has as many ones as zeros, and its four bytes differ.
     !address ^ 0x9E37_79B9
 }
 

@@ -19,9 +19,11 @@
 //!
 //! # Time to detect
 //!
-//! With [`Rate`] words a slice and an idle loop that gets all its slices, the change of a bit is found:
+//! The patrol is assumed to verify [`Rate`] words in each slice, and the idle loop to do every slice. Then the change
+//! of a bit is found:
 //!
-//! - in flash: at the end of the first pass that begins after the change, so in two passes ([`Rate::flash_detect_us`]);
+//! - in flash: at the end of the first pass that begins after the change, so within two passes
+//!   ([`Rate::flash_detect_us`]);
 //! - in code in RAM: when its word has its turn, so in one pass at most ([`Rate::code_detect_us`]);
 //! - in guard words: in one slice;
 //! - in RAM in use, if the bit is stuck or does not change: in one pass at most ([`Rate::ram_pass_us`]).
@@ -39,10 +41,10 @@ use guard::Guards;
 pub use part::{layout, PartMemory};
 use ram::Walk;
 
-/// The time from one slice to the next, µs.
+/// The time from one slice of the patrol to the next, µs.
 pub const SLICE_US: u32 = 2_500;
 
-/// The most slices that are made up for at once: those of 50 ms. Further slices are dropped.
+/// The most missed slices that are made up for at once: those of 50 ms. Further slices are dropped.
 pub const MOST_SLICES: u32 = 20;
 
 /// Words of memory, as the patrol accesses them. The tests implement this trait for faulty memory.
@@ -57,12 +59,13 @@ pub trait Memory {
     fn exercise(&mut self, address: u32) -> u32;
 }
 
-/// The memory of a board that is to be verified. All addresses are multiples of four.
+/// The memory of a board that the patrol verifies. All addresses are multiples of four.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layout {
     /// The program in flash: from the vector table up to the word that holds its CRC.
     pub program: Range<u32>,
-    /// The end of the program's first bytes, to which the memory protection unit denies ordinary loads.
+    /// The end of the flash that the memory protection unit denies to ordinary loads. That flash begins with the
+    /// program.
     pub shut_end: u32,
     /// The RAM from which code runs.
     pub code: Range<u32>,
@@ -72,11 +75,11 @@ pub struct Layout {
     pub guards: [u32; guard::COUNT],
     /// The RAM with stack and statics.
     pub used: Range<u32>,
-    /// The ranges of `used` that the test leaves out, since not only the processor accesses them.
+    /// The ranges of `used` that the test leaves out, because other hardware than the processor accesses them.
     pub apart: [Range<u32>; ram::APART],
 }
 
-/// The amount of work in a slice.
+/// The amount of work in a slice of the patrol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rate {
     /// The number of words of flash in a slice.
@@ -88,20 +91,21 @@ pub struct Rate {
 }
 
 impl Rate {
-    /// Returns the longest time, µs, from the change of a bit in flash until it is found, for a program of `bytes`: two
-    /// passes, each a slice longer since it begins within one.
+    /// Returns the longest time, µs, until a changed bit in flash is found, for a program of `bytes`. That takes two
+    /// passes, and a slice more for each, since a pass begins in the middle of a slice.
     #[must_use]
     pub const fn flash_detect_us(&self, bytes: u32) -> u32 {
         2 * (bytes.div_ceil(4).div_ceil(self.flash_words) + 1) * SLICE_US
     }
 
-    /// Returns the longest time, µs, from the change of a bit of code in RAM until it is found, for `bytes` of code.
+    /// Returns the longest time, µs, until a changed bit of code in RAM is found, for `bytes` of code.
     #[must_use]
     pub const fn code_detect_us(&self, bytes: u32) -> u32 {
         (bytes.div_ceil(4).div_ceil(self.code_words) + 1) * SLICE_US
     }
 
-    /// Returns the longest time of a pass over `bytes` of RAM in use, µs. One slice is added, in which the pass begins.
+    /// Returns the longest time of a pass over `bytes` of RAM in use, µs. It includes the slice in which the pass
+    /// begins.
     #[must_use]
     pub const fn ram_pass_us(&self, bytes: u32) -> u32 {
         (bytes.div_ceil(4).div_ceil(self.ram_words) + 1) * SLICE_US
@@ -115,13 +119,13 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// Returns the count at its start. `now_us` is a µs counter that may wrap, here and in the other method.
+    /// Returns a count without due slices. `now_us` is a µs counter that may wrap, here and in the other method.
     #[must_use]
     pub const fn new(now_us: u32) -> Self {
         Self { last_us: now_us }
     }
 
-    /// Returns the number of slices due at `now_us` and counts them as done. Calls must be less than 71 minutes apart.
+    /// Returns the number of slices due at `now_us`, and counts them as done. Calls must be less than 71 minutes apart.
     pub fn due(&mut self, now_us: u32) -> u32 {
         let due = now_us.wrapping_sub(self.last_us) / SLICE_US;
         if due > MOST_SLICES {
@@ -136,15 +140,15 @@ impl Pace {
 /// The findings of one slice.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Slice {
-    /// The result of a pass over flash that this slice has completed.
+    /// The result of the pass over flash that ended in this slice.
     pub flash: Option<Comparison>,
     /// The address, in RAM, of a word of code that differs from its load image.
     pub code: Option<u32>,
     /// The number of a guard that has changed, which is its index in [`Layout::guards`].
     pub guard: Option<u32>,
-    /// The address of two words of RAM in use, one of which does not hold what is written to it.
+    /// The address of two words of RAM in use, one of which does not hold the value that is written to it.
     pub ram: Option<u32>,
-    /// Whether all RAM in use was sound in a pass that this slice has completed.
+    /// Whether all RAM in use was sound in the pass that ended in this slice.
     pub ram_pass: Option<bool>,
 }
 
@@ -153,7 +157,7 @@ pub struct Slice {
 pub struct Patrol {
     layout: Layout,
     rate: Rate,
-    /// The address of the next word of flash.
+    /// The address of the next word of flash that the patrol reads.
     flash_at: u32,
     crc: u32,
     code_at: u32,
@@ -162,19 +166,20 @@ pub struct Patrol {
 }
 
 impl Patrol {
-    /// Returns a patrol that begins all passes, and writes the guard words. No guard word may have changed before.
+    /// Returns a patrol that is at the start of all passes, and writes the guard words. No guard word may have changed
+    /// before.
     pub fn new(layout: Layout, rate: Rate, memory: &mut impl Memory) -> Self {
         let guards = Guards::set(layout.guards, memory);
         Self { flash_at: layout.program.start, crc: 0, code_at: 0, guards, ram: Walk::new(), layout, rate }
     }
 
-    /// Begins the passes over flash and RAM anew.
+    /// Makes the passes over flash and RAM begin again.
     pub fn restart(&mut self) {
         (self.flash_at, self.crc) = (self.layout.program.start, 0);
         self.ram.restart();
     }
 
-    /// Does one slice. Its work is the same as long as memory holds what it should hold.
+    /// Does one slice of the patrol. Its work is the same as long as memory holds what it should hold.
     pub fn slice(&mut self, memory: &mut impl Memory) -> Slice {
         let guard = self.guards.changed(memory);
         let flash = self.flash(memory);

@@ -10,8 +10,8 @@ use crate::memory::{self, address};
 pub struct PartMemory(());
 
 impl PartMemory {
-    /// Returns the access to memory. Call it once, in thread mode with no interrupt masked; the slices need the same
-    /// state.
+    /// Returns the access to memory. To be called once, in thread mode with no interrupt masked, as every slice of the
+    /// patrol is.
     #[must_use]
     pub fn take() -> Self {
         Self(())
@@ -47,8 +47,9 @@ fn log() -> [Range<u32>; 2] {
     [block..block + BLOCK, buffer..buffer + memory::load(block + BUFFER + 4)]
 }
 
-/// Returns the layout of the memory that is verified. `shut_end` is the end of the flash that the memory protection
-/// unit has shut. `apart` is the RAM, besides the log, that not only the processor accesses.
+/// Returns the layout of the memory that the patrol verifies. `shut_end` is the end of the flash that the memory
+/// protection unit has shut. `apart` are the ranges of RAM, besides the log, that other hardware than the processor
+/// accesses.
 #[must_use]
 pub fn layout(shut_end: u32, apart: [Range<u32>; APART - 2]) -> Layout {
     let mut all = [const { 0..0 }; APART];

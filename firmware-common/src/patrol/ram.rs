@@ -9,11 +9,11 @@
 //!   read both; up (read c, write not c); down (read not c, write c); read both
 //! ```
 //!
-//! with `c` for the contents. That is MATS++ (A. J. van de Goor, *Testing Semiconductor Memories*, 1991) with the
-//! contents for the background (M. Nicolaidis, *Theory of transparent BIST for RAMs*, IEEE Transactions on Computers,
-//! 1996). It finds every bit that is stuck or does not change, and a bit that changes together with a bit of the
-//! neighbouring word. The [march at the start](crate::start_test) covers bits that are coupled over a greater distance,
-//! and address decoders.
+//! Here `c` stands for the contents. The sequence is MATS++ (A. J. van de Goor, *Testing Semiconductor Memories*, 1991)
+//! with the contents for the background (M. Nicolaidis, *Theory of transparent BIST for RAMs*, IEEE Transactions on
+//! Computers, 1996). It finds every bit that is stuck or does not change, and a bit that changes together with a bit of
+//! the neighbouring word. The [march at the start](crate::start_test) covers bits that are coupled over a greater
+//! distance, and address decoders.
 //!
 //! No task may read a word while it is inverted, so a step masks all interrupts, for [`MASKED_CYCLES`] at most.
 //!
@@ -29,25 +29,25 @@ use super::Memory;
 pub const APART: usize = 12;
 
 /// The longest time for which a step masks interrupts, processor cycles. It has eight loads and four stores of three
-/// cycles each at most (Cortex-M4 TRM, "Instruction set summary", and one for a bus that a DMA controller is on), 15
-/// other instructions, and six lines with four wait states each if the instructions come from flash. From RAM, as on
-/// the DPR, it is 51 cycles, 0.8 µs.
+/// cycles each at most (two by the Cortex-M4 TRM, "Instruction set summary", and one for a bus that a DMA controller is
+/// on), 15 other instructions, and six lines with four wait states each if the instructions come from flash. From RAM,
+/// as on the DPR, it is 51 cycles, 0.8 µs.
 pub const MASKED_CYCLES: u32 = 75;
 
-/// The result of some steps of the test.
+/// The result of some steps of the test of RAM.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Found {
-    /// The address of two words, one of which does not hold what is written to it.
+    /// The address of two words, one of which does not hold the value that is written to it.
     pub fault: Option<u32>,
-    /// Whether all words were sound in a pass that these steps have completed.
+    /// Whether the pass that ended in these steps found all words sound.
     pub pass: Option<bool>,
 }
 
-/// The position of the test in memory.
+/// The position of the test of RAM in memory.
 #[derive(Clone, Debug)]
 pub struct Walk {
     at: u32,
-    /// The first range that is left out and still lies ahead.
+    /// The first of the left-out ranges that still lies ahead.
     next: Range<u32>,
     sound: bool,
 }
@@ -59,7 +59,7 @@ impl Default for Walk {
 }
 
 impl Walk {
-    /// Returns the position before the first pass.
+    /// Returns the position before the first pass of the test.
     #[must_use]
     pub const fn new() -> Self {
         Self { at: 0, next: 0..0, sound: true }
@@ -79,7 +79,8 @@ impl Walk {
         }
     }
 
-    /// Makes the next `steps` steps in `used`. To skip one of the ranges `apart`, which have any order, takes one step.
+    /// Makes the next `steps` steps of the test in `used`. The ranges `apart`, in any order, are left out. To skip one
+    /// of them takes one step.
     pub fn run(&mut self, steps: u32, used: &Range<u32>, apart: &[Range<u32>], memory: &mut impl Memory) -> Found {
         let mut found = Found::default();
         for _ in 0..steps {
@@ -88,7 +89,7 @@ impl Walk {
                 self.seek(apart);
             }
             if self.at + 8 > self.next.start {
-                // The test goes on at the first whole word after the range that is left out.
+                // The test goes on at the first whole word after the left-out range.
                 self.at = (self.next.end + 3) & !3;
                 self.seek(apart);
             } else if self.at + 8 <= used.end {

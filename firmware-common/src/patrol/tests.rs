@@ -8,9 +8,9 @@ const CODE: u32 = 0x0080_0000;
 const CODE_WORDS: u32 = 10;
 const USED: u32 = 0x2000_8000;
 const USED_WORDS: u32 = 40;
-/// The ranges that are left out, in words from [`USED`] on: two that touch, one of a few words, one at the end.
+/// The ranges of words, from [`USED`] on, that the test leaves out: two that touch, one of a few words, one at the end.
 const APART_WORDS: [Range<u32>; 4] = [20..22, 5..9, 9..10, 38..40];
-/// The bytes that are left out inside one word, so that the whole word is left out.
+/// The bytes to leave out lie inside one word, so that the whole word is left out.
 const APART_BYTES: Range<u32> = USED + 4 * 30 + 1..USED + 4 * 30 + 2;
 const GUARDS: [u32; guard::COUNT] = [0x2000_0000, 0x2000_1000, 0x2000_1010, 0x2000_1020, 0x2000_1030];
 const SHUT: u32 = 5;
@@ -23,7 +23,7 @@ enum Fault {
     Stuck { address: u32, bit: u32, level: bool },
     /// The bit takes no 1 once it is 0, or no 0 once it is 1.
     Transition { address: u32, bit: u32, up: bool },
-    /// A change of the first bit to 1 changes the second.
+    /// When the first bit changes to 1, the second bit changes too.
     Coupled { from: (u32, u32), to: (u32, u32) },
 }
 
@@ -100,7 +100,7 @@ fn is_apart(address: u32) -> bool {
     APART_WORDS.iter().any(|words| words.contains(&((address - USED) / 4))) || address == APART_BYTES.start & !3
 }
 
-/// Returns the words that are tested: all except those that are left out or have no neighbour to be tested with.
+/// Returns the words of RAM that are tested: those that are not left out and have a neighbour to be tested with.
 fn tested() -> Vec<u32> {
     let is_in = |word: u32| word < USED_WORDS && !is_apart(USED + 4 * word);
     (0..USED_WORDS).filter(|&word| is_in(word) && (is_in(word + 1) || word > 0 && is_in(word - 1))).collect()
@@ -145,7 +145,7 @@ fn board() -> (Patrol, Ram) {
     (Patrol::new(layout(), RATE, &mut ram), ram)
 }
 
-/// Does slices until `found` returns true, at most `most` of them, and returns how many it did.
+/// Does slices of the patrol until `found` returns true, at most `most` of them, and returns their number.
 fn slices_until(patrol: &mut Patrol, ram: &mut Ram, most: u32, mut found: impl FnMut(&Slice) -> bool) -> u32 {
     (1..=most).find(|_| found(&patrol.slice(ram))).unwrap_or_else(|| panic!("not found within {most} slices"))
 }
@@ -168,7 +168,7 @@ fn sound_memory_passes_round_after_round_and_is_left_as_it_was() {
         assert!(slice.ram_pass.is_none_or(|sound| sound));
     }
     assert_eq!(flash, 500 / PROGRAM_WORDS.div_ceil(RATE.flash_words));
-    // A pass over the 40 words takes no more than 40 steps, seven in a slice.
+    // A pass over the 40 words takes at most 40 steps, and a slice has seven steps.
     assert!(passes >= 500 * RATE.ram_words / USED_WORDS, "{passes}");
     assert_eq!(ram.words, before);
 }
@@ -194,7 +194,7 @@ proptest! {
         ram.flip(PROGRAM + 4 * word, bit);
         let most = slices(RATE.flash_detect_us(4 * PROGRAM_WORDS));
         slices_until(&mut patrol, &mut ram, most, |slice| slice.flash.is_some_and(|found| !found.is_intact()));
-        // The flipped bit is restored, and the first pass that begins after that finds flash intact.
+        // Once the flipped bit is restored, the next whole pass finds flash intact.
         ram.flip(PROGRAM + 4 * word, bit);
         slices_until(&mut patrol, &mut ram, most, |slice| slice.flash.is_some_and(Comparison::is_intact));
     }
@@ -240,7 +240,7 @@ proptest! {
         slices_until(&mut patrol, &mut ram, most, |slice| { found = found.or(slice.ram); slice.ram.is_some() });
         prop_assert!((address - 4..=address).contains(&found.unwrap()));
         slices_until(&mut patrol, &mut ram, most, |slice| slice.ram_pass == Some(false));
-        // A pass that begins after the fault is gone reports none.
+        // A pass that begins after the fault has gone reports no fault.
         ram.faults.clear();
         slices_until(&mut patrol, &mut ram, 2 * most, |slice| slice.ram_pass == Some(true));
     }
@@ -321,7 +321,8 @@ fn slices_keep_their_rate_and_missed_ones_are_made_up_for() {
 
 #[test]
 fn times_to_detect_follow_from_the_rates() {
-    // The passes are 37 words at 4 a slice, so 10 slices; 10 words at 3, so 4 slices; 40 words at 7, so 6 slices.
+    // A pass over flash has 37 words at 4 a slice, so 10 slices; over code 10 words at 3, so 4 slices; over RAM 40
+    // words at 7, so 6 slices.
     assert_eq!(RATE.flash_detect_us(4 * PROGRAM_WORDS), 22 * SLICE_US);
     assert_eq!(RATE.code_detect_us(4 * CODE_WORDS), 5 * SLICE_US);
     assert_eq!(RATE.ram_pass_us(4 * USED_WORDS), 7 * SLICE_US);

@@ -27,11 +27,12 @@ pub(crate) fn tick() -> u32 {
 
 /// What has raised the interrupt of TIMER1.
 pub(crate) enum Beat {
-    /// A beat; the value is true at the tick.
-    Began {
-        is_tick: bool,
-    },
-    Other,
+    /// A beat has begun; `is_tick` is true if this beat is a tick.
+    Began { is_tick: bool },
+    /// The slot of a beat.
+    Slot,
+    /// Nothing, which never happens.
+    Nothing,
 }
 
 pub(crate) struct Beats(pac::TIMER1);
@@ -50,9 +51,9 @@ impl Beats {
         Self(timer)
     }
 
-    /// Starts the beats; the first one comes [`BEAT_MS`] ms later.
+    /// Starts the beats. The first one comes [`BEAT_MS`] ms later.
     pub(crate) fn start(&mut self) {
-        // The first beat must have the number 0, which is that of a tick.
+        // The first beat increments the count from this value to 0, the number of a tick.
         COUNT.store(u32::MAX, Ordering::Relaxed);
         // SAFETY: 1 is a valid value of a task register.
         self.0.tasks_start.write(|w| unsafe { w.bits(1) });
@@ -62,7 +63,8 @@ impl Beats {
     /// matches in the beats that are no tick, in which no frame is due.
     #[inline(always)]
     pub(crate) fn interrupt(&mut self) -> Beat {
-        if take_event!(self.0.events_compare[SLOT_COMPARE]) {
+        let is_slot = take_event!(self.0.events_compare[SLOT_COMPARE]);
+        if is_slot {
             radio::fire(beat());
         }
         if take_event!(self.0.events_compare[BEAT_COMPARE]) {
@@ -70,6 +72,10 @@ impl Beats {
             COUNT.store(count, Ordering::Relaxed);
             return Beat::Began { is_tick: count.is_multiple_of(BEATS) };
         }
-        Beat::Other
+        if is_slot {
+            Beat::Slot
+        } else {
+            Beat::Nothing
+        }
     }
 }

@@ -41,7 +41,7 @@ pub(crate) enum Error {
     NoAcknowledge,
     /// A line stays low, or the transfer did not end in time.
     Stuck,
-    /// This driver does not support the kind or the length of the transfer.
+    /// The driver does not support transfers of this kind or length.
     Unsupported,
 }
 
@@ -75,7 +75,7 @@ impl Bus {
         Self { twim, lines, memory }
     }
 
-    /// Frees the bus. Returns whether both lines are high afterwards.
+    /// Frees the I2C bus. Returns whether SDA and SCL are high afterwards.
     fn recover(&mut self) -> bool {
         HOLD_TELEMETRY.bus_recoveries.add(1);
         self.twim.enable.write(|w| w.enable().disabled());
@@ -101,7 +101,7 @@ impl Bus {
         true
     }
 
-    /// Sends bytes, then receives bytes. One of the two may be empty.
+    /// Sends bytes over the I2C bus, then receives bytes. One of the two may be empty.
     fn run(&mut self, address: u8, send: &[u8], receive: &mut [u8]) -> Result<(), Error> {
         let Some(out) = self.memory.send.get_mut(..send.len()) else { return Err(Error::Unsupported) };
         out.copy_from_slice(send);
@@ -141,7 +141,8 @@ impl Bus {
             return Err(Error::Stuck);
         }
         compiler_fence(Ordering::SeqCst);
-        // After this transfer, AMOUNT of a direction without bytes still holds the count of an earlier transfer.
+        // If a transfer skips a direction that has no bytes, AMOUNT of that direction keeps an earlier count, so it is
+        // not compared.
         let sent = send.is_empty() || self.twim.txd.amount.read().bits() as usize == send.len();
         let received = receive.is_empty() || self.twim.rxd.amount.read().bits() as usize == receive.len();
         if self.twim.errorsrc.read().bits() != 0 || !sent || !received {
@@ -167,7 +168,7 @@ impl I2c for Bus {
     }
 }
 
-/// SDA and SCL as open-drain GPIO pins, for a recovery of the bus.
+/// The lines SDA and SCL as open-drain GPIO pins, by which the bus is recovered.
 struct OpenDrains(BusPins);
 
 const SDA: usize = 26;
@@ -180,7 +181,7 @@ impl OpenDrains {
         unsafe { &*pac::P0::ptr() }
     }
 
-    /// Makes both pins inputs, with the drive that the TWIM needs. The GPIO then no longer holds a line low.
+    /// Makes SDA and SCL inputs, with the drive that the TWIM needs. The GPIO then no longer holds either line low.
     fn let_go(&mut self) {
         for pin in [SDA, SCL] {
             Self::port().pin_cnf[pin].write(|w| w.dir().input().input().connect().pull().pullup().drive().s0d1());
@@ -231,7 +232,7 @@ pub(crate) struct Pause;
 impl DelayNs for Pause {
     fn delay_ns(&mut self, ns: u32) {
         let from = now_us();
-        // The first µs may be almost over already, so one more is waited for.
+        // The µs counter may be about to advance, so one µs more is waited for.
         while now_us().wrapping_sub(from) <= ns.div_ceil(1_000) {}
     }
 }

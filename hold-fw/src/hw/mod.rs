@@ -81,7 +81,7 @@ pub(crate) struct Board {
     pub(crate) watchdog: Option<WatchdogHandle<Hdl0>>,
     pub(crate) reset_reason: ResetReason,
     pub(crate) debug_port: DebugPort,
-    /// The keeper of the records that outlive a reset, and the newest record.
+    /// The keeper of the records that outlive a reset, and the newest of these records.
     pub(crate) kept: (kept::Keeper, Option<kept::Kept>),
 }
 
@@ -95,10 +95,11 @@ pub(crate) struct DmaMemory {
 /// Configures all hardware. If the program differs from the one that was built, the hold enters the safe state before
 /// any pin is an output.
 pub(crate) fn init(core: &mut cortex_m::Peripherals, p: pac::Peripherals, memory: DmaMemory) -> Board {
-    // The debug port is opened first, so that a debugger can connect even if the firmware stops early.
+    // Opening the debug port comes first, so that a debugger can connect even if the firmware stops early.
     let debug_port = nrf52840::open_debug_port(&p.FICR, &p.UICR);
 
-    // The watchdog runs: the first instructions started it, or it was running before a soft reset or a lockup.
+    // The watchdog runs already: the first instructions have started it, or it was running before a soft reset or a
+    // lockup.
     let watchdog = Watchdog::try_recover::<One>(p.WDT).ok().map(|parts| parts.handles.0);
     let reset_reason = nrf52840::reset_reason();
 
@@ -123,7 +124,7 @@ pub(crate) fn init(core: &mut cortex_m::Peripherals, p: pac::Peripherals, memory
     if nrf52840::watch_supply(&p.POWER) {
         stop_for_supply();
     }
-    // The DPR and the writers of commands rely on the hold's time, for which only the crystal is exact enough.
+    // Only the crystal is exact enough for the hold's time, on which the DPR and the writers of commands rely.
     if !nrf52840::start_crystal(&p.CLOCK) {
         let log = |_: &Stop| defmt::error!("the 32 MHz crystal does not start");
         safe_state::enter(safe_state, || Stop::new(Cause::ClockStart, 0, 0), log);

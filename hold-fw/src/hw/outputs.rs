@@ -53,7 +53,8 @@ impl Outputs {
 
     fn play(&mut self, duty: Duty) {
         let [heater, cooler] = duty.counts(TOP);
-        // The DMA may read between these two stores, so the output that goes off is stored first.
+        // The DMA may read the duties between the two stores. So the output that goes off is stored first, and heater
+        // and cooler are never on at once.
         if heater == 0 {
             (self.duties[0], self.duties[1]) = (HIGH_FIRST, cooler | HIGH_FIRST);
         } else {

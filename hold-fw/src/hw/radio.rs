@@ -25,21 +25,22 @@ use crate::board::{call, RfPins, WAIT_COMPARE};
 
 /// The most polls until SPIM0 has stopped. SPIM0 stops at the end of the present byte, so within 1 µs.
 const STOP_POLLS: u32 = 1_000;
-/// The shortest delay, µs: the counter could pass a nearer compare value before that value is set.
+/// The shortest delay, µs. The counter could pass a nearer compare value before it is set.
 const SHORTEST_US: u32 = 2;
-/// The length of the byte that the chip returns while it receives a command.
+/// The number of bytes that the chip returns during a command, which come before the data.
 const LEAD: usize = 1;
 
 /// The ticket for the next slot, as a word; 0 if there is none.
 static ARMED: AtomicU32 = AtomicU32::new(0);
 const SELECT: u32 = 1 << 12;
 
-/// The number of polls of the end event that last longer than the 1 µs of one byte.
+/// The greatest number of polls for the end of a one-byte transfer. They take longer than the 1 µs in which one byte is
+/// sent.
 const BYTE_POLLS: u32 = 50;
 
-/// Sends the transmit command for the frame that is due in beat `beat`, if its [`Ticket`] is armed.
-/// [`FrontEndPort::arm`] has set up the transfer. The chip executes a command when chip select rises, so this function
-/// waits for the end of the transfer. The end event stays set and then calls the task `rf_spi`.
+/// Sends the transmit command for the frame of beat `beat`, if its [`Ticket`] is armed. [`FrontEndPort::arm`] has set
+/// the transfer up. The chip executes a command when chip select rises, so this function waits for the end of the
+/// transfer. The end event stays set, and then calls the task `rf_spi`.
 #[inline(always)]
 pub(super) fn fire(beat: u32) {
     if !Ticket::is_due(ARMED.load(Ordering::Acquire), beat) {
@@ -70,7 +71,7 @@ impl RfEdge {
         Self(gpiote)
     }
 
-    /// Clears the interrupt of the IRQ pin. No edge is lost by that, because the driver reads the level of the pin.
+    /// Clears the interrupt of the IRQ's edge. No edge is lost, because the driver reads the level of the pin.
     pub(crate) fn clear(&mut self) {
         let channel = self.0.channel0();
         take_event!(*channel.event());
@@ -80,10 +81,10 @@ impl RfEdge {
 pub(crate) struct Memory {
     /// The bytes to send: a short transfer, or the load command and the bytes of the frame.
     send: [u8; LEAD + HoldObject::SIZE],
-    /// The bytes that a short transfer receives. `answer` is separate, because the driver uses short transfers between
-    /// the read of an answer and its report.
+    /// The bytes that come in during a short transfer. `answer` is separate, because the driver makes short transfers
+    /// between the read of an answer and its report.
     short: [u8; Short::MAX],
-    /// The byte that the chip returns under the read command, and the answer.
+    /// The byte that the chip returns during the read command, and then the answer.
     answer: [u8; LEAD + BUFFER],
 }
 
@@ -96,7 +97,7 @@ impl Memory {
 enum Transfer {
     Nothing,
     Short(usize),
-    /// The bytes after the one that the chip returns under the command.
+    /// Returns the bytes that come after the one that the chip returns during the command.
     Read(usize),
 }
 
@@ -121,7 +122,7 @@ impl RfPort {
         // SAFETY: the selector is that of the MISO pin, which `pins` owns.
         spim.psel.miso.write(|w| unsafe { w.bits(pins.miso.psel_bits()) });
         spim.frequency.write(|w| w.frequency().m8());
-        // The SPIM works in mode 1: the clock is low when idle, and data are taken at the trailing edge.
+        // SPIM0 works in SPI mode 1: the clock is low when idle, and data are taken at the trailing edge.
         spim.config.write(|w| w.order().msb_first().cpha().trailing().cpol().active_high());
         // SAFETY: any byte may be sent beyond the end of the transmit buffer.
         spim.orc.write(|w| unsafe { w.orc().bits(0) });
@@ -140,7 +141,7 @@ impl RfPort {
         }
     }
 
-    /// Clears the interrupt of a delay that is over. The executor does not use the event; it compares the time.
+    /// Clears the event of a delay that is over. The executor compares the time instead of using this event.
     pub(crate) fn clear_timer(&mut self) {
         take_event!(self.timer.events_compare[WAIT_COMPARE]);
     }
@@ -165,7 +166,7 @@ impl RfPort {
         // SAFETY: as above.
         self.spim.rxd.maxcnt.write(|w| unsafe { w.maxcnt().bits(receive) });
         self.spim.events_end.reset();
-        // The fence lets no write to a buffer move behind the start of the DMA.
+        // The fence keeps the compiler from moving a write to a buffer behind the start of the DMA.
         compiler_fence(Ordering::SeqCst);
     }
 
@@ -198,11 +199,11 @@ impl Port for RfPort {
     }
 
     fn start_read(&mut self, offset: usize, len: usize) -> bool {
-        // Only reads of a whole answer are supported.
+        // The exchange only ever reads a whole answer at once.
         if offset != 0 || len > BUFFER {
             return false;
         }
-        // The buffer is cleared, so that an earlier answer can never be taken for this one.
+        // The buffer is cleared, so that an earlier answer is never taken for a new one.
         self.memory.answer.fill(0);
         self.memory.send[0] = command::FIFO_READ;
         self.start(LEAD, Transfer::Read(len));
@@ -232,7 +233,7 @@ impl Port for RfPort {
         // SAFETY: 1 is a valid value of a task register.
         self.spim.tasks_stop.write(|w| unsafe { w.bits(1) });
         let stopped = (0..STOP_POLLS).any(|_| self.spim.events_stopped.read().bits() != 0);
-        // Before STOPPED the peripheral may still write to the buffers (PS v1.7, 6.25, "Low power").
+        // Until the event STOPPED, the SPIM may still write to its buffers (PS v1.7, 6.25, "Low power").
         assert!(stopped, "SPIM0 does not stop");
         self.spim.events_end.reset();
         self.finish();
@@ -251,7 +252,8 @@ impl Port for RfPort {
         self.timer.cc[WAIT_COMPARE].write(|w| unsafe { w.bits(self.timer_from.wrapping_add(us)) });
         self.timer.events_compare[WAIT_COMPARE].reset();
         if now_us().wrapping_sub(self.timer_from) >= us {
-            // The counter may have passed the compare value already if the task was preempted for long.
+            // The counter may already have passed the compare value, if the task was preempted for long. Then no
+            // interrupt would come.
             call(Task::rf_timer);
         }
     }

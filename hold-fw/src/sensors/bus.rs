@@ -3,10 +3,10 @@
 //! A sensor does so when its transfer was cut off, until it has received the missing clocks. Nine clocks end any byte,
 //! and the stop condition after them makes every sensor wait for a start (UM10204, 3.1.16 "Bus clear").
 
-/// The number of clocks that end any byte.
+/// The number of clocks after which any byte has ended.
 const CLOCKS: u32 = 9;
 
-/// Both lines of the bus as open drains: `true` releases a line, which then rises unless a sensor holds it low.
+/// Both lines of the I2C bus as open drains. `true` releases a line, which then rises unless a sensor holds it low.
 pub trait Lines {
     /// Releases SCL or drives it low.
     fn set_scl(&mut self, high: bool);
@@ -20,7 +20,7 @@ pub trait Lines {
     fn pause(&mut self);
 }
 
-/// Frees the bus, in 0.12 ms at most. Returns whether both lines are high afterwards.
+/// Frees the bus, in 0.12 ms at most. Returns whether SDA and SCL are high afterwards.
 pub fn recover(lines: &mut impl Lines) -> bool {
     lines.set_sda(true);
     lines.set_scl(true);
@@ -31,7 +31,7 @@ pub fn recover(lines: &mut impl Lines) -> bool {
         lines.set_scl(true);
         lines.pause();
     }
-    // A rise of SDA while SCL is high is the stop condition.
+    // The stop condition is a rise of SDA while SCL is high.
     lines.set_scl(false);
     lines.pause();
     lines.set_sda(false);

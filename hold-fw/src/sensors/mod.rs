@@ -22,8 +22,8 @@
 //! | 2, once a second | measure temperature and humidity | 9 ms, most of it the sensor's conversion |
 //! | 0, once a second | verify the accelerometer's settings, or set it up | 2 ms |
 //!
-//! The first failed transfer ends the call, and each transfer has a longest time. So a call takes [`LONGEST_MS`] at
-//! most, which is shorter than a beat.
+//! The first failed transfer ends the call, and each transfer has a time limit. So a call takes [`LONGEST_MS`] at most,
+//! which is shorter than a beat.
 //!
 //! # Faults
 //!
@@ -56,7 +56,8 @@ pub const LONGEST_MS: u32 = 12;
 
 const _: () = {
     assert!(LONGEST_MS < BEAT_MS);
-    // There are two readings in a cycle. The FIFO must hold the samples between two of them and of one more beat.
+    // The FIFO is read twice in a cycle. It must hold the samples from one reading to the next, and those of one more
+    // beat.
     assert!(vibration::READINGS as u32 == 2 * CYCLES_PER_SECOND && BEATS == 4);
     assert!(SAMPLES_PER_SECOND * 3 * BEAT_MS / 1_000 < FIFO as u32);
 };
@@ -91,7 +92,7 @@ impl<E> From<sht4x::Error<E>> for Faulty {
 /// The latest values of the sensors.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Readings {
-    /// The temperature, °C, and the relative humidity, %; `None` without a valid measurement.
+    /// The temperature, °C, and the relative humidity, %; `None` if there is no valid measurement.
     pub climate: Option<[f32; 2]>,
     /// The vibration along x, y and z, m/s²; `None` without samples of a full second.
     pub vibration: Option<[f32; 3]>,
@@ -101,7 +102,7 @@ pub struct Readings {
     pub fault: bool,
 }
 
-/// The driver of both sensors, with the bus and a delay.
+/// The driver of the climate sensor and the accelerometer, with their bus and a delay.
 #[derive(Debug)]
 pub struct Sensors<B, D> {
     bus: B,
@@ -112,7 +113,7 @@ pub struct Sensors<B, D> {
     climate_faulty: bool,
     vibration: Vibration,
     accelerometer: Accelerometer,
-    /// Whether the last reading of the FIFO found no sample.
+    /// Whether the FIFO was empty at its last reading.
     empty: bool,
 }
 
@@ -141,7 +142,7 @@ impl<B: I2c, D: DelayNs> Sensors<B, D> {
         }
     }
 
-    /// Does the work of beat number `beat`. The number counts from the start and wraps.
+    /// Does the work of beat number `beat`. This number counts from the start and wraps.
     pub fn serve(&mut self, beat: u32, telemetry: &Telemetry) {
         match (beat % BEATS, beat % SECOND) {
             (1 | 3, _) if self.accelerometer == Accelerometer::Works => {
@@ -169,7 +170,7 @@ impl<B: I2c, D: DelayNs> Sensors<B, D> {
         }
     }
 
-    /// Writes the latest values into `readings`. A greater shock that is already there stays.
+    /// Writes the latest values into `readings`, but keeps a greater shock that is there already.
     pub fn report(&mut self, readings: &mut Readings) {
         let shock = self.vibration.take_greatest();
         *readings = Readings {
@@ -198,7 +199,7 @@ impl<B: I2c, D: DelayNs> Sensors<B, D> {
         let measured = Sht4x::new(&mut self.bus).measure(Precision::High, &mut self.delay)?;
         let celsius = measured.temperature_milli_celsius() as f32 / 1_000.0;
         let percent = measured.humidity_milli_percent() as f32 / 1_000.0;
-        // The sensor's formula can give less than 0 % or more than 100 %; the data sheet says to limit it (4.6).
+        // The sensor's formula may exceed 0 % and 100 %. The data sheet says to limit the result (4.6).
         POSSIBLE.contains(&celsius).then_some([celsius, percent.clamp(0.0, 100.0)]).ok_or(Faulty)
     }
 
@@ -211,14 +212,15 @@ impl<B: I2c, D: DelayNs> Sensors<B, D> {
         if sensor.get_device_id()? != IDENTITY {
             return Err(Faulty);
         }
-        // Settings of an earlier start are cleared: filters, interrupts, byte order, self-test.
+        // The registers may hold settings of an earlier start: filters, interrupts, byte order, self-test. They are
+        // cleared.
         for register in [Register::CtrlReg2, Register::CtrlReg3, Register::CtrlReg4, Register::CtrlReg5] {
             sensor.write_register(register, 0)?;
         }
         sensor.write_register(Register::CtrlReg1, 0x07)?;
         sensor.set_mode(Mode::Normal)?;
         sensor.set_full_scale(FullScale::Fs8g)?;
-        // The FIFO's mode may change only through bypass, which also empties the FIFO.
+        // The mode of the FIFO may only change through bypass, which also empties the FIFO.
         sensor.configure_fifo(FifoConfig::Bypass)?;
         sensor.configure_fifo(FifoConfig::Stream { watermark: 0 })?;
         sensor.set_output_data_rate(OutputDataRate::Hz400)?;
@@ -244,21 +246,22 @@ impl<B: I2c, D: DelayNs> Sensors<B, D> {
         let count = if level.full { FIFO } else { usize::from(level.sample_count).min(FIFO) };
         let data = &mut data[..count];
         sensor.read_data(data)?;
-        // Two readings in a row without a sample mean that the sensor was reset. A single one may follow the set-up.
+        // Two empty readings in a row mean that the sensor was reset. A single one may occur after the set-up.
         if core::mem::replace(&mut self.empty, count == 0) && count == 0 {
             return Err(Faulty);
         }
         let mut samples = [Sample::default(); FIFO];
         for (sample, data) in samples.iter_mut().zip(&*data) {
             let left_aligned = [data.x, data.y, data.z];
-            // With 10 bits left-aligned in 16, the lowest six bits are 0. Other values come from a stuck line.
+            // A sample's 10 bits are left-aligned in 16, so its lowest six bits are 0. Other values come from a stuck
+            // line.
             if left_aligned.iter().any(|value| value & 0x3F != 0) {
                 return Err(Faulty);
             }
             *sample = left_aligned.map(|value| value >> 6);
         }
         let samples = &samples[..count];
-        // Gravity and noise never leave all three axes at exactly 0 in all samples of 50 ms.
+        // Samples of 50 ms that are all exactly 0 come from a fault, since gravity and noise are always there.
         if count > 0 && samples.iter().all(|sample| *sample == [0; 3]) {
             return Err(Faulty);
         }

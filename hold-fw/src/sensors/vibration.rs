@@ -58,7 +58,8 @@ impl Vibration {
 
     /// Adds the samples of one reading and removes those of the reading a second ago.
     pub fn take(&mut self, samples: &[Sample]) {
-        // The mean is that of the second before these samples, so that a shock does not move the mean.
+        // The mean comes from the second before these samples, so a shock does not move the mean from which it is
+        // measured.
         if let Some(total) = self.total() {
             let count = total.samples as f32;
             let mean = total.sum.map(|sum| sum as f32 / count);
@@ -137,7 +138,7 @@ mod tests {
         assert!(vibration.rms().is_some());
         vibration.clear();
         assert_eq!(vibration.rms(), None);
-        // Readings without a sample replace those of a second ago.
+        // Each reading drops the samples of a second ago, even if the reading brings no sample.
         let mut vibration = second(|_| [0, 0, 62]);
         (0..4).for_each(|_| vibration.take(&[]));
         assert_eq!(vibration.rms(), None);

@@ -29,7 +29,7 @@ fn check(frame: &SentFrame, config: &Config) -> u32 {
     let object = HoldStatus::verify(&frame.bytes[1..65]).expect("an intact object");
     assert_eq!(object.timestamp(), timestamp(tick));
     let after_tick = frame.started_ns % PERIOD_NS;
-    // The command is one byte on the SPI.
+    // The transmit command is one byte on the SPI, 1 µs.
     assert_eq!(after_tick, u64::from(SLOT_US) * 1_000 + 1_000 + config.transmit_latency_ns, "in cycle {tick}");
     assert!(frame.whole);
     tick
@@ -107,7 +107,7 @@ fn a_frame_is_never_changed_while_it_is_loaded() {
     let (telemetry, config) = (Telemetry::new(), Config::default());
     let mut world = World::new(&telemetry, config.clone(), AnswerFaults::default());
     world.run(2, status);
-    // The first frame is offered so late that its load is still under way when the second frame is offered.
+    // The load of the first frame begins so late that it is not over when the second frame is offered.
     world.late_ns = PERIOD_NS - 10_000;
     world.run(1, status);
     world.late_ns = 0;
@@ -142,7 +142,7 @@ fn whichever_transfer_hangs_the_frames_come_back_on_time() {
         world.run(3, status);
         world.link.port().hang_in = Some(hang_in);
         let mut frames = world.run(12, status);
-        // A frame whose load never ends is cut off on the air.
+        // A frame whose load hangs is cut off on the air.
         frames.retain(|frame| frame.whole);
         let sent = ticks(&frames, &config);
         assert_eq!((world.link.port().aborted, telemetry.rf_faults.get()), (1, 1), "transfer {hang_in}");
@@ -154,7 +154,7 @@ fn memory() -> &'static Memory {
     Box::leak(Box::new([[(); WORDS]; 2].map(|record| record.map(|()| AtomicU32::new(0)))))
 }
 
-/// Base station and flight controller with their uplinks, in the form in which a DPR passes them on.
+/// Base station and flight controller, with their uplinks in the form in which a DPR passes them on.
 struct Writers {
     base_station: Sender<BaseStation>,
     flight_controller: Sender<FlightController>,
@@ -215,7 +215,7 @@ fn a_command_goes_the_whole_way_and_its_acknowledgement_comes_back() {
     let values = cycle(&mut world, &mut writers, &mut hold);
     assert_eq!((values.set_point, values.acknowledged[0]), (8.5, Acknowledged::new(2, Outcome::Refused)));
     assert_eq!((telemetry.commands_done.get(), telemetry.commands_refused.get()), (2, 1));
-    // After a reset that keeps the RAM, lock, set-point and acknowledgements must be the same.
+    // Lock, set-point and acknowledgements must outlive a reset that keeps the RAM.
     let mut restarted = Hold::new(ResetReason::Watchdog, Keeper::take(memory));
     let values = restarted.cycle(0, &mut Readings::default(), None).0.values();
     assert_eq!((values.set_point, values.status.locked()), (8.5, false));

@@ -17,7 +17,7 @@ use st25r3916::{
 };
 use st25r3916_model::{Air, AirFaults, AnswerFaults, AnswerPath, Chip, Config, SentFrame};
 
-/// The time of one byte at 8 MHz, ns; the time of the interrupts around a transfer, ns.
+/// The time of one byte at 8 MHz, and the time of the interrupts around a transfer, both in ns.
 const BYTE_NS: u64 = 1_000;
 const OVERHEAD_NS: u64 = 2_000;
 const BEAT_NS: u64 = BEAT_MS as u64 * 1_000_000;
@@ -35,7 +35,7 @@ pub(crate) struct Side {
     now: u64,
     pub(crate) chip: Chip,
     running: Option<Running>,
-    /// The bytes of the last transfer. `response[skip..]` is what the driver receives.
+    /// The bytes that came in during the last transfer. The driver gets those from index `skip` on.
     response: Vec<u8>,
     skip: usize,
     timer: u64,
@@ -44,7 +44,7 @@ pub(crate) struct Side {
     payload: Vec<u8>,
     /// The length byte and the payload of the frame that was read last.
     received: Vec<u8>,
-    /// The number of transfers before one that never ends; `hangs` says whether that one has begun.
+    /// How many transfers are still carried out before one that never ends. `hangs` says whether that one has begun.
     pub(crate) hang_in: Option<u32>,
     hangs: bool,
     pub(crate) aborted: u32,
@@ -88,7 +88,8 @@ impl Side {
         transfer.min(timer).min(self.chip.next_event().unwrap_or(u64::MAX))
     }
 
-    /// Advances to time `at`, ns. Returns whether an interrupt occurs: end of a transfer, end of a delay, edge of IRQ.
+    /// Advances the time to `at`, ns. Returns whether an interrupt occurs: at the end of a transfer or delay, or by an
+    /// edge of IRQ.
     fn advance(&mut self, at: u64) -> bool {
         let timer = self.timer > self.now && self.timer <= at;
         self.now = at;
@@ -180,7 +181,8 @@ pub(crate) struct World<'a> {
     pub(crate) path: AnswerPath,
     now: u64,
     tick: u32,
-    /// The beats so far, and the time at which the slot's compare value matches in the present one.
+    /// The number of beats so far, and the time at which the timer matches the slot's compare value in the present
+    /// beat.
     beat: u32,
     slot_at: u64,
     offer_at: u64,
@@ -246,7 +248,7 @@ impl<'a> World<'a> {
             if at == self.slot_at {
                 let is_armed = Ticket::is_due(self.link.port().ticket, self.beat);
                 self.beat += 1;
-                // The timer clears itself at each beat, so the slot's compare value matches once in every beat.
+                // The timer clears itself at each beat, so it matches the slot's compare value once in every beat.
                 self.slot_at = if self.beat.is_multiple_of(BEATS) { u64::MAX } else { at + BEAT_NS };
                 let side = self.link.port();
                 if is_armed {

@@ -1,4 +1,4 @@
-//! Tests the port of a receiver on I2C with one event at a time and all that can go wrong.
+//! Tests one receiver's I2C port event by event, with every fault of the bus that HORUS has to survive.
 
 extern crate std;
 use super::*;
@@ -8,14 +8,14 @@ use std::{collections::VecDeque, vec, vec::Vec};
 
 const FREE: Bus = Bus { scl: true, sda: true, busy: false };
 
-/// A fault at one order of a cycle.
+/// A fault that is injected at one order of a cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Fault {
-    /// The receiver holds the clock, so no event comes any more. A read has brought this number of bytes by then.
+    /// The receiver holds the clock low, so no further event comes. Until then a read has brought this number of bytes.
     Held(usize),
     Refused,
     ArbitrationLost,
-    /// This number of events comes that no order has caused.
+    /// This number of events comes although no order has caused them.
     Spurious(u8),
     BusError,
     StreamFails,
@@ -31,13 +31,13 @@ struct Rig {
     delivered: Vec<u8>,
     levels: Vec<(bool, bool)>,
     is_there: bool,
-    /// The bits of the number of waiting bytes that a pulse on SDA leaves unchanged.
+    /// An AND mask for the number of waiting bytes. A pulse on SDA clears its other bits.
     count_mask: u16,
     bus: Bus,
 }
 
 impl Rig {
-    /// Returns a model whose receiver was read until it was empty.
+    /// Returns a model of a receiver that was read until it was empty.
     fn new() -> Self {
         let mut rig = Self::with_backlog();
         rig.cycle(None);
@@ -91,7 +91,8 @@ impl Rig {
         then
     }
 
-    /// Runs one cycle, in which `fault` happens at the order with the given number. Returns the number of orders.
+    /// Runs one cycle, in which `fault` happens at the order with the given number. Returns how many orders the cycle
+    /// had.
     fn cycle(&mut self, fault: Option<(usize, Fault)>) -> usize {
         let mut order = self.ddc.poll(self.bus);
         let mut orders = 0;
@@ -360,7 +361,7 @@ fn bus_errors_are_bounded_between_two_ticks_whatever_progress_the_bus_makes() {
     let error = Events { bus_error: true, ..Events::default() };
     let start = [Events { started: true, ..Events::default() }, Events { addressed: true, ..Events::default() }];
     let progress = start.into_iter().chain(std::iter::repeat(Events { byte_sent: true, ..Events::default() }));
-    // Between two steps of progress come fewer errors than would end the transaction for lack of progress.
+    // Bus errors come between the events that show progress, too few in a row to count as a lack of progress.
     let calls = progress.flat_map(|event| [error; MOST_SPURIOUS as usize - 2].into_iter().chain([event]));
     let mut errors = 0;
     for events in calls {
@@ -383,7 +384,7 @@ fn a_missing_timer_does_not_end_the_recoveries() {
     assert_eq!(*ddc.counts(), Counts { timed_out: 1, recoveries: 2, refused: 0 });
 }
 
-/// Requests the number of waiting bytes, up to the start of the DMA stream. Returns the stream's number of bytes.
+/// Requests the number of waiting bytes, and goes on until the DMA stream starts. Returns the stream's number of bytes.
 fn asked(ddc: &mut Ddc) -> usize {
     let on = |event: fn(&mut Events)| {
         let mut events = Events::default();
@@ -483,13 +484,13 @@ proptest! {
             rig.waiting.extend(&burst);
             sent.extend(burst);
             if has_message {
-                // The message is refused only if the previous one has not been sent yet.
                 let _ = rig.ddc.transmit(&Message::new(&[1; MESSAGE], Rate::Usual));
             }
-            // The longest cycle has a message and 23 levels.
+            // The longest cycle sends a message and drives 23 levels of a recovery.
             prop_assert!(rig.cycle(Some((at, fault))) <= MESSAGE + 24 + 4);
         }
-        // Two cycles in a row that leave no byte behind end the drop of old bytes, so all later bytes arrive.
+        // After two reads in a row that leave no byte in the receiver, bytes are no longer dropped as old. So all later
+        // bytes arrive.
         rig.cycle(None);
         rig.cycle(None);
         while !rig.waiting.is_empty() {

@@ -48,7 +48,7 @@ pub fn start(rcc: pac::RCC) -> (Rcc, Source) {
     let source = start_external(&rcc);
     HORUS_TELEMETRY.without_crystal.set(u32::from(source == Source::Internal));
     let config = match source {
-        // The ST-LINK's MCO feeds 8 MHz into OSC_IN, since the board has no crystal for the part.
+        // The ST-LINK feeds its 8 MHz (MCO) into OSC_IN, because the board has no crystal for the part.
         Source::External => Config::hse(clock::EXTERNAL_HZ.Hz()).bypass_hse_oscillator(),
         Source::Internal => Config::hsi(),
     };
@@ -68,9 +68,10 @@ pub fn start(rcc: pac::RCC) -> (Rcc, Source) {
     (rcc, source)
 }
 
-/// Switches HSE on, and its security system once HSE is ready. Switches HSE off again if it does not get ready in time.
+/// Switches HSE on, and the clock security system once HSE is ready. If HSE does not get ready in time, switches HSE
+/// off again.
 fn start_external(rcc: &pac::RCC) -> Source {
-    // Bypass can be chosen only while HSE is off (RM0090, RCC_CR).
+    // The bypass of HSE can only be chosen while HSE is off (RM0090, RCC_CR).
     rcc.cr().modify(|_, w| w.hsebyp().bypassed());
     rcc.cr().modify(|_, w| w.hseon().on());
     let source = clock::choose(|| rcc.cr().read().hserdy().is_ready(), || asm::delay(clock::PAUSE_CYCLES));
@@ -87,7 +88,7 @@ fn start_external(rcc: &pac::RCC) -> Source {
 unsafe fn NonMaskableInt() -> ! {
     // SAFETY: a register block is always there, and every access is volatile; no other code writes CIR.
     let rcc = unsafe { &*pac::RCC::ptr() };
-    // The exception is raised again and again until its flag is cleared (RM0090, clock security system).
+    // The flag is cleared, because the exception is raised again and again until then (RM0090, clock security system).
     let failed = rcc.cir().read().cssf().bit_is_set();
     rcc.cir().write(|w| w.cssc().set_bit());
     let stop = || Stop::new(Cause::Clock, safe_state::active_exception(), u32::from(failed));

@@ -3,13 +3,14 @@
 //! # Design
 //!
 //! Prescaler 1 and reload 719 999 make exactly 10 ms of the 72 MHz; the HAL would round. The interrupt of tick (update)
-//! and slots (compares) has the highest priority and shares only single words with other tasks, so no lock ever masks
-//! it. The same instructions send a slot's command every time, before all other work.
+//! and slots (compares) has the highest priority. It shares only single words with other tasks, so no lock ever masks
+//! it. In a slot, the same instructions always send the command before all other work.
 //!
 //! The timer itself makes the pin TICK fall with each tick: channel 3 in PWM mode 2 (RM0090, "TIMx_CCMR2") is active
 //! from its compare value to the update. So an observer sees the tick without any delay by the processor.
 //!
-//! From `FrontEndPort::arm` to the slot only the slot's interrupt uses the SPI; [`ARMED`] says for which slot.
+//! From `FrontEndPort::arm` to the slot, only the slot's interrupt uses the SPI. [`ARMED`] holds the ticket that says
+//! for which slot.
 //!
 //! # Errata (ES0206 rev 24) of the peripherals used here
 //!
@@ -20,8 +21,9 @@
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
+use cortex_m::peripheral::{syst::SystClkSource, SYST};
 use horus_tx_fw::{
-    timing,
+    flow, timing,
     transmitter::{Slot, Ticket},
     FRAMES,
 };
@@ -37,11 +39,11 @@ use super::{
 };
 use crate::board;
 
-/// The number of ticks so far, which only the cycle timer's interrupt writes.
+/// The number of ticks so far. Only the interrupt of the cycle timer writes it.
 static TICKS: AtomicU32 = AtomicU32::new(0);
-/// The number of the last tick whose cycle has ended.
+/// The number of the last tick whose cycle of work has ended.
 static ENDED: AtomicU32 = AtomicU32::new(0);
-/// The result of the last slot, for the front end's task: `PASSED | FIRED? | frame << 8 | response`.
+/// The result of the last slot, for the task `rf_slot`, as the word `PASSED | FIRED? | frame << 8 | response`.
 static SLOT: AtomicU32 = AtomicU32::new(0);
 const PASSED: u32 = 1 << 31;
 const FIRED: u32 = 1 << 30;
@@ -55,7 +57,7 @@ fn tim2() -> &'static pac::tim2::RegisterBlock {
     unsafe { &*pac::TIM2::ptr() }
 }
 
-/// Switches the timer's clock on, so that [`now_ms`] can be called. It returns 0 until the timer is started.
+/// Switches the timer's clock on, so that [`now_ms`] can be called. Until the timer is started, [`now_ms`] returns 0.
 pub fn enable_clock(rcc: &mut RCC) {
     pac::TIM2::enable(rcc);
 }
@@ -64,8 +66,8 @@ pub struct CycleTimer(());
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum CycleEvent {
-    /// A slot has passed, so the task `rf_slot` has work.
-    Slot,
+    /// The slot of this frame, counted from 0, has passed, so the task `rf_slot` has work.
+    Slot(usize),
     /// The tick has come, so the task `cycle` has work.
     Tick,
 }
@@ -85,7 +87,7 @@ impl CycleTimer {
         timer.ccer().write(|w| w.cc3e().set_bit());
         gpio::enable_ports();
         gpio::alternate(board::TICK, Speed::Low, Pull::None);
-        // The prescaler is loaded now by an update event, which must not count as a tick.
+        // An update event loads the prescaler now. This event must not count as a tick.
         timer.cr1().write(|w| w.urs().set_bit());
         timer.egr().write(|w| w.ug().set_bit());
         timer.sr().write(|w| w.uif().clear());
@@ -98,7 +100,12 @@ impl CycleTimer {
         Self(())
     }
 
-    pub fn start(&mut self) {
+    /// Starts the cycle timer, and SysTick, which measures the times between its interrupts.
+    pub fn start(&mut self, systick: &mut SYST) {
+        systick.set_clock_source(SystClkSource::External);
+        systick.set_reload(flow::COUNTER_TOP);
+        systick.clear_current();
+        systick.enable_counter();
         tim2().cr1().modify(|_, w| w.cen().set_bit());
     }
 
@@ -109,7 +116,7 @@ impl CycleTimer {
         for frame in 0..FRAMES {
             if flags.ccif(frame as u8).bit_is_set() {
                 self.slot(frame);
-                return CycleEvent::Slot;
+                return CycleEvent::Slot(frame);
             }
         }
         tim2().sr().write(|w| w.uif().clear());
@@ -132,20 +139,27 @@ impl CycleTimer {
                 radio::select();
                 radio::put(command);
                 let left = tim2().cnt().read().cnt().bits();
-                // This is the only wait, one byte time: chip select must not rise before the byte's end.
+                // The handler waits only here, for one byte time, because chip select must not rise before the byte's
+                // end.
                 let response = radio::take();
                 radio::deselect();
                 ARMED.store(0, Ordering::Release);
                 HORUS_TELEMETRY.record_fire(left.wrapping_sub(timing::SLOT_TICKS[frame]));
                 report |= FIRED | u32::from(response);
             }
-            // Before the first tick no cycle has begun, so there is nothing to send.
+            // A slot before the first tick belongs to no cycle, so it has nothing to send and is not counted.
             None if tick == 0 => {}
             None => HORUS_TELEMETRY.frames_skipped.add(1),
         }
         SLOT.store(report, Ordering::Release);
         tim2().sr().write(|w| w.ccif(frame as u8).clear());
     }
+}
+
+/// Returns the counter that measures the times between slots and ticks ([`flow`]).
+#[inline(always)]
+pub fn counter() -> u32 {
+    flow::counter(SYST::get_current())
 }
 
 /// Returns the number of the tick that is being served.
@@ -165,7 +179,8 @@ pub fn take_slot() -> Option<Slot> {
     })
 }
 
-/// Returns the milliseconds since the first tick's cycle began (wraps). It never steps back ([`timing::now_ms`]).
+/// Returns the milliseconds since the first tick's cycle began (wraps). The result never steps back
+/// ([`timing::now_ms`]).
 pub fn now_ms() -> u32 {
     let before = tick();
     let count = tim2().cnt().read().cnt().bits();
@@ -178,7 +193,8 @@ pub fn is_quiet() -> bool {
     timing::quiet(tim2().cnt().read().cnt().bits())
 }
 
-/// Runs `log`, with all interrupts masked, if it would delay neither a slot nor the next tick. Returns whether it ran.
+/// Calls `log` with all interrupts masked, unless that would delay a slot or the next tick. Returns whether `log` was
+/// called.
 pub fn when_quiet(log: impl FnOnce()) -> bool {
     cortex_m::interrupt::free(|_| {
         let quiet = is_quiet();

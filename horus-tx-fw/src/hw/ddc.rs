@@ -9,7 +9,7 @@
 //! After a START or STOP was requested, CR1 is not written before the peripheral has carried the request out, since a
 //! write could request it twice (RM0090, "I2C", control register 1).
 //!
-//! A recovery of the bus holds SWRST from when the pins are disconnected until they are given back.
+//! During a recovery of the bus, SWRST is set from when the pins are disconnected until they are given back.
 //!
 //! # Errata (ES0206 rev 24, section "I2C") of the peripheral
 //!
@@ -92,11 +92,11 @@ impl DdcSource {
         i2c.cr1().write(|w| w);
         // SAFETY: the bus's frequency is 36 MHz, and 2 to 50 may be written (RM0090 "I2C", control register 2).
         i2c.cr2().write(|w| unsafe { w.freq().bits(mhz as u8) });
-        // The clock is low for twice CCR (DUTY 0) and high for CCR.
+        // SCL is low for twice the time in CCR (DUTY 0), and high for that time once.
         let ccr = (timing::GNSS_I2C_LOW_NS / 2 * mhz).div_ceil(1_000);
         // SAFETY: the value is 36, and 1 to 4095 may be written in fast mode with DUTY 0.
         i2c.ccr().write(|w| unsafe { w.f_s().set_bit().ccr().bits(ccr as u16) });
-        // The rise time is 300 ns in fast mode (RM0090 "I2C", TRISE).
+        // The rise time of SCL and SDA is 300 ns in fast mode (RM0090 "I2C", TRISE).
         // SAFETY: the value is 11, and at most 63 may be written.
         i2c.trise().write(|w| unsafe { w.bits((mhz * 300 / 1_000 + 1) as u16) });
         i2c.cr1().write(|w| w.pe().set_bit().ack().set_bit());
@@ -124,7 +124,7 @@ impl DdcSource {
             arbitration_lost: sr1.arlo().bit_is_set(),
             bus_error: sr1.berr().bit_is_set(),
         };
-        // Zeros clear the error flags, bits 8 to 15; all other bits are read-only.
+        // Writing zeros clears the error flags, bits 8 to 15. All other bits are read-only.
         const ERRORS: u16 = 0xDF00;
         if sr1.bits() & ERRORS != 0 {
             // SAFETY: only the flags that were seen are cleared, and reserved bit 13 is written as 0.
@@ -159,7 +159,8 @@ impl DdcSource {
             Order::Mute => self.mute(),
             Order::Release => {
                 self.mute();
-                // If the stream does not stop, the next recovery tries again; its bytes are not used until then.
+                // If the DMA stream does not stop, the next recovery of the bus tries again. Its bytes are not used
+                // until then.
                 let _ = dma::stop(self.port.stream);
                 dma::clear_flags(self.port.stream);
                 i2c.cr1().write(|w| w.swrst().set_bit());
@@ -199,7 +200,8 @@ impl DdcSource {
 
     fn receive(&self, len: usize) {
         if dma::is_on(self.port.stream) {
-            // The stream did not stop when it was told to, so no byte is received and the transaction ends at the tick.
+            // A stream that did not stop is not started again. No byte is received then, and the transaction ends at
+            // the tick.
             return;
         }
         dma::clear_flags(self.port.stream);
@@ -217,7 +219,8 @@ impl DdcSource {
     fn stream_interrupt(&mut self) {
         let flags = dma::flags(self.port.stream);
         if !flags.has_error() && !flags.is_complete() {
-            // The task was called only to check in. A transfer that ends from now on calls it again: its flag stays.
+            // The task was called only to check in. A transfer that ends from now on leaves its flag set, which calls
+            // the task again.
             return;
         }
         dma::clear_flags(self.port.stream);
@@ -243,12 +246,12 @@ impl DdcSource {
 impl Source for DdcSource {
     fn poll(&mut self) {
         let under_way = self.ddc.stream_under_way();
-        // Errors that came while no transaction was under way are dropped: one of them would end the next transaction.
+        // Errors that came between transactions are dropped. Otherwise the first of them would end the next
+        // transaction.
         let _ = self.take_events();
         let order = self.ddc.poll(self.bus());
         self.carry_out(order);
         if let Some(len) = under_way {
-            // The transaction was ended as failed, and its stream has been stopped.
             let come = len.saturating_sub(dma::left(self.port.stream));
             self.push(0..come);
         }

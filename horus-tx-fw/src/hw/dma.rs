@@ -2,9 +2,9 @@
 //!
 //! # Design
 //!
-//! The streams move bytes without their FIFOs (direct mode). Memory that DMA reads or writes consists of atomics in
-//! main SRAM (DMA cannot reach the CCM RAM, RM0090 "Memory and bus architecture"), so that a reference to it never
-//! promises that nobody else changes it.
+//! The streams move bytes without their FIFOs (direct mode). Memory that DMA reads or writes consists of atomics, since
+//! a reference to other types would promise that nobody else changes the memory. It is in main SRAM, because DMA cannot
+//! reach the CCM RAM (RM0090 "Memory and bus architecture").
 //!
 //! **Switching off.** A stream whose EN is cleared first ends the transfer that it has begun, and EN reads 1 until
 //! then. Only when EN reads 0 may the stream be set up again, and does the memory belong to the processor (RM0090 "DMA
@@ -29,8 +29,8 @@ use stm32f4xx_hal::{
 use crate::board::{Dma, Stream};
 
 pub(super) enum Direction {
-    /// The stream moves bytes from the peripheral to memory: to one byte after the other if `advance`, otherwise all to
-    /// the same byte; without end, round after round, if `circular`.
+    /// The stream moves bytes from the peripheral to memory. If `advance` is true it writes one byte after the other,
+    /// otherwise all to the same byte. If `circular` is true it never ends, and begins again after each round.
     In { circular: bool, advance: bool },
     /// The stream moves bytes from memory to the peripheral.
     Out,
@@ -46,13 +46,13 @@ pub(super) struct Transfer {
 
 pub(super) struct Flags(u32);
 
-/// The mask of all five flags of one stream.
+/// The mask of all five flags of a DMA stream.
 const ALL_FLAGS: u32 = 0x3D;
 const TRANSFER_ERROR: u32 = 1 << 3;
 const TRANSFER_COMPLETE: u32 = 1 << 5;
 
 impl Flags {
-    /// Whether the bus answered with an error, which has switched the stream off.
+    /// Whether the bus answered the stream with an error, which has switched the stream off.
     pub(super) fn has_error(&self) -> bool {
         self.0 & TRANSFER_ERROR != 0
     }
@@ -63,7 +63,7 @@ impl Flags {
     }
 }
 
-/// Switches both controllers' clocks on. It may be called again at any time.
+/// Switches the clocks of both DMA controllers on. May be called again at any time.
 pub(super) fn enable() {
     // SAFETY: each call sets one bit in the clock enable register, atomically (the HAL uses the bit-band region).
     unsafe {
@@ -116,7 +116,8 @@ pub(super) fn clear_flags(stream: Stream) {
     }
 }
 
-/// Starts the stream with these interrupts: end and error of bytes in (also half of a ring), error of bytes out.
+/// Starts the stream with these interrupts: for incoming bytes the end and an error (of a ring also the half), for
+/// outgoing bytes an error.
 ///
 /// # Safety
 ///
@@ -125,7 +126,7 @@ pub(super) fn clear_flags(stream: Stream) {
 /// - At `transfer.memory` begin `transfer.len` bytes (one byte if the transfer comes in and does not advance) of one or
 ///   more statics in main SRAM that consist of atomics, and no code relies on the contents of these bytes until the
 ///   stream has ended or been stopped.
-/// - The stream is off, which [`is_on`] tells, and its flags are clear.
+/// - The stream is off, as [`is_on`] tells, and its flags are clear.
 pub(super) unsafe fn start(stream: Stream, transfer: &Transfer) {
     let registers = registers(stream);
     // SAFETY: the caller guarantees that both addresses, and the length behind the second, are right.
@@ -134,7 +135,7 @@ pub(super) unsafe fn start(stream: Stream, transfer: &Transfer) {
         registers.m0ar().write(|w| w.m0a().bits(transfer.memory));
     }
     registers.ndtr().write(|w| w.ndt().set(transfer.len as u16));
-    // All that the processor has written into that memory must be there before the stream reads it.
+    // The stream must not start before the processor's writes into the memory are complete.
     asm::dmb();
     registers.cr().write(|w| {
         w.chsel().set(stream.channel);
@@ -171,7 +172,7 @@ pub(super) fn left(stream: Stream) -> usize {
 pub(super) struct StillOn;
 
 /// How often [`stop`] asks whether the stream is off. Each poll takes at least 6 core cycles, so 128 polls take 5 µs.
-/// At most one byte is under way then, which needs one access to the peripheral and one to memory.
+/// Within that time the stream has at most one byte to finish, with one access to the peripheral and one to memory.
 const STOP_POLLS: u32 = 128;
 
 /// Switches the stream off, if it is on, and waits until it is off. Its peripheral must still answer.
@@ -183,7 +184,7 @@ const STOP_POLLS: u32 = 128;
 pub(super) fn stop(stream: Stream) -> Result<(), StillOn> {
     registers(stream).cr().modify(|_, w| w.en().clear_bit());
     if (0..STOP_POLLS).any(|_| !is_on(stream)) {
-        // The memory must only be read after the stream has written it.
+        // The processor must not read the memory before the stream has written it.
         asm::dmb();
         Ok(())
     } else {

@@ -25,7 +25,7 @@ use crate::board::{Hardware, ReceiverPort, RECEIVER_PORTS};
 
 const PORTS: &[ReceiverPort; profile::MAX_RECEIVERS] = &RECEIVER_PORTS;
 
-/// Returns the configuration of receiver `index`, of which no message has been sent.
+/// Returns the configuration state of receiver `index`, to which no message has been sent yet.
 pub fn configuration(index: usize) -> Configuration {
     let port = &PORTS[index];
     Configuration::new(port.hardware.interface(), port.period_ms)

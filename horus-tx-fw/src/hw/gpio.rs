@@ -30,7 +30,7 @@ const INPUT: u32 = 0b00;
 const OUTPUT: u32 = 0b01;
 const ALTERNATE: u32 = 0b10;
 
-/// Switches on the clocks of all ports in use. It may be called again at any time.
+/// Switches on the clocks of all GPIO ports in use. May be called again at any time.
 pub(super) fn enable_ports() {
     // SAFETY: each call sets one bit in the clock enable register, atomically (the HAL uses the bit-band region).
     unsafe {
@@ -93,7 +93,7 @@ pub(super) fn alternate(alternate: AlternatePin, speed: Speed, pull: Pull) {
     configure(pin, ALTERNATE, speed, pull);
 }
 
-/// Makes a pin an output that is `high` from the first moment on.
+/// Makes a pin an output, whose level is `high` from the beginning.
 pub(super) fn output(pin: Pin, speed: Speed, high: bool) {
     write(pin, high);
     configure(pin, OUTPUT, speed, Pull::None);
@@ -109,7 +109,7 @@ pub(super) fn open_drain(alternate_pin: AlternatePin) {
     alternate(alternate_pin, Speed::Low, Pull::None);
 }
 
-/// Takes a pin that was set up by [`open_drain`] from its peripheral, so that [`write`] drives it. Only the tasks of
+/// Takes a pin from its peripheral, so that [`write`] drives it. [`open_drain`] has set the pin up. Only the tasks of
 /// the receivers' sources may call this.
 pub(super) fn drive(pin: Pin) {
     set_mode(pin, OUTPUT);

@@ -22,7 +22,7 @@
 //! | [`reset`] | the reason of the last reset, the number of resets by the watchdog, the receivers that stay excluded |
 //! | `start_up` | the first instructions: reset flags and watchdog |
 //!
-//! Each file in this folder that has `unsafe` code says in its heading what for. All of them access register blocks
+//! Each file in this folder with `unsafe` code says in its heading why. All of these files access register blocks
 //! through shared references: a register block is always there, and every access is volatile.
 //!
 //! # Errata (ES0206 rev 24, STM32F42x and F43x) that concern all of these files; each module lists its own
@@ -36,7 +36,7 @@
 //!
 //! `unsafe` is used here for the symbol under which the telemetry is found.
 #![allow(unsafe_code)]
-// RTIC's generated resource types are public, so the types that they hold must be public too.
+// RTIC generates public types for its resources, so the types in those resources must be public too.
 #![allow(unreachable_pub)]
 
 use core::ops::Range;
@@ -76,7 +76,7 @@ pub fn settle() {
     asm::dsb();
 }
 
-/// Returns the RAM that others than the processor use: the memory that DMA reaches, and the telemetry.
+/// Returns the RAM that other hardware than the processor accesses: the memory that DMA reaches, and the telemetry.
 pub fn shared_memory() -> [Range<u32>; APART - 2] {
     let [rings, outboxes] = buffers::memory();
     let [spi_in, spi_out] = spi::memory();

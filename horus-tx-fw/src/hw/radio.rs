@@ -58,7 +58,6 @@ pub(super) static ARMED: AtomicU32 = AtomicU32::new(0);
 
 fn spi() -> &'static spi1::RegisterBlock {
     // SAFETY: a register block is always there, and every access through it is volatile. The ticket settles who may use
-    // the SPI: from `arm` to the slot the slot's interrupt, otherwise the front end's tasks.
     unsafe { &*pac::SPI1::ptr() }
 }
 
@@ -67,8 +66,8 @@ fn tim5() -> &'static pac::tim5::RegisterBlock {
     unsafe { &*pac::TIM5::ptr() }
 }
 
-/// The number of polls of the SPI's status register that last longer than one byte: 8 bits at 9 MHz are 128 core
-/// cycles, and a poll over the APB takes at least 6. On HSI without the PLL a byte takes 64 or 128 core cycles.
+/// The number of polls of the SPI's status register that last longer than one byte. A byte at 9 MHz takes 128 core
+/// cycles, and a poll over the APB at least 6. On HSI without the PLL a byte takes 64 or 128 core cycles.
 const POLLS: u32 = 128;
 
 #[inline(always)]
@@ -92,7 +91,7 @@ pub(super) fn put(byte: u8) {
     spi().dr8().write(|w| w.dr().set(byte));
 }
 
-/// Waits for the byte that is shifted in meanwhile, for one byte time at most, even if the SPI hangs.
+/// Waits for the byte that comes in while a byte is sent, for one byte time at most, even if the SPI hangs.
 #[inline(always)]
 pub(super) fn take() -> u8 {
     for _ in 0..POLLS {
@@ -111,7 +110,8 @@ fn enable_clocks() {
 }
 
 fn set_up_spi() {
-    // Chip select is high before it becomes an output; the clock's edges are fast (erratum 2.12.4).
+    // Chip select is made high before its pin becomes an output. The edges of the clock are fast because of erratum
+    // 2.12.4.
     gpio::output(CHIP_SELECT, Speed::VeryHigh, true);
     gpio::alternate(SCK, Speed::VeryHigh, Pull::None);
     gpio::alternate(MISO, Speed::Low, Pull::None);
@@ -135,12 +135,12 @@ fn set_up_irq(syscfg: &pac::SYSCFG, exti: &pac::EXTI) {
     exti.imr().modify(|_, w| w.mr3().set_bit());
 }
 
-/// The bytes of the profile that DMA loads into the FIFO, as words; every size of a profile is a whole number of words.
+/// The profile's bytes, which DMA loads into the FIFO, as words. Every size of a profile is a whole number of words.
 static FRAME: [AtomicU32; Profile::<RECEIVERS>::SIZE / 4] =
     [const { AtomicU32::new(0) }; Profile::<RECEIVERS>::SIZE / 4];
 static SHORT_OUT: [AtomicU8; Short::MAX] = [const { AtomicU8::new(0) }; Short::MAX];
 static SHORT_IN: [AtomicU8; Short::MAX] = [const { AtomicU8::new(0) }; Short::MAX];
-/// The byte to which DMA writes all bytes that come in during a load.
+/// During a load, DMA writes all bytes that come in to this byte, because nobody reads them.
 static DISCARD: AtomicU8 = AtomicU8::new(0);
 
 pub(super) fn memory() -> [Range<u32>; 4] {
@@ -151,12 +151,12 @@ const _: () = assert!(Profile::<RECEIVERS>::SIZE.is_multiple_of(4));
 
 /// The front end's port: SPI1 with its two DMA streams, chip select, the IRQ pin's level, and the one-shot timer.
 pub struct Radio {
-    /// The number of bytes in the response of the transfer that has ended; 0 after a load.
+    /// The number of bytes that the last transfer has brought as its response; 0 after a load.
     len: usize,
     response: [u8; Short::MAX],
     failed: bool,
     frame: Range<usize>,
-    /// Whether the time for which the timer was started is over.
+    /// Whether the one-shot timer has run out.
     over: bool,
 }
 
@@ -189,7 +189,8 @@ impl Radio {
         }
     }
 
-    /// Clears EXTI3's pending edge. The driver's state machine then reads the pin's level, not the edge.
+    /// Clears the pending edge of EXTI3. The driver's state machine reads the pin's level afterwards, so no edge is
+    /// lost.
     pub fn clear_pending_irq(&mut self) {
         // SAFETY: a register block is always there, and every access through it is volatile; ones clear bits of PR, and
         // only the bit of line 3 is written as one.
@@ -197,15 +198,15 @@ impl Radio {
         exti.pr().write(|w| w.pr3().clear_bit_by_one());
     }
 
-    /// Disconnects the SPI's requests from the streams, which are off, and clears the streams' flags.
+    /// Disconnects SPI1's requests from both DMA streams, which must be off, and clears the streams' flags.
     fn finish(&mut self) {
         spi().cr2().write(|w| w);
         dma::clear_flags(SPI_IN);
         dma::clear_flags(SPI_OUT);
     }
 
-    /// Starts both streams. `lead` is sent ahead of the bytes that the outgoing stream reads from `out`. The bytes that
-    /// come in go to `into`: to one byte after the other if `keep`, otherwise all to the first.
+    /// Starts both DMA streams of a transfer. The byte `lead` is sent before the bytes at `out`. The bytes that come in
+    /// go to `into`: one after the other if `keep` is true, otherwise all to the same byte.
     ///
     /// # Safety
     ///
@@ -269,7 +270,7 @@ impl Port for Radio {
             self.abort();
             return true;
         }
-        // The last byte comes in after the last one has gone out, so the outgoing stream has ended too.
+        // The last byte comes in after the last one was sent, so the outgoing DMA stream has ended too.
         if !incoming.is_complete() {
             return false;
         }
@@ -298,7 +299,7 @@ impl Port for Radio {
         assert!(matches!(stopped, (Ok(()), Ok(()))), "a DMA stream of the front end's does not stop");
         self.finish();
         deselect();
-        // A byte that is left in the receive buffer belongs to no transfer.
+        // A byte left in the SPI's receive buffer belongs to no transfer, and is dropped.
         let _ = spi().dr8().read();
         let _ = spi().sr().read();
     }
@@ -311,7 +312,7 @@ impl Port for Radio {
         let timer = tim5();
         timer.cr1().write(|w| w.urs().set_bit());
         timer.cnt().write(|w| w.cnt().set(0));
-        // The update comes ARR + 1 counts after the start, and so never early.
+        // TIM5 raises its update ARR + 1 counts after the start, so a wait never ends early.
         timer.arr().write(|w| w.arr().set(us.max(1)));
         timer.sr().write(|w| w.uif().clear());
         timer.cr1().write(|w| w.urs().set_bit().opm().set_bit().cen().set_bit());
@@ -349,16 +350,18 @@ impl transmitter::FrontEndPort for Radio {
 /// most. All interrupts must be masked for good.
 pub(super) fn field_off() {
     enable_clocks();
-    // A stream that does not stop has no request to serve once CR2 is cleared, and the field has to go off anyway.
+    // The field must go off even if a DMA stream does not stop. Once CR2 is cleared, such a stream has no request to
+    // serve.
     let _ = (dma::stop(SPI_OUT), dma::stop(SPI_IN));
     spi().cr2().write(|w| w);
     deselect();
     set_up_spi();
     let _ = spi().dr8().read();
-    // This wait is longer than any minimum high time of chip select.
+    // The delay keeps chip select high for 1 µs or more, longer than the chip requires.
     asm::delay(timing::CORE_HZ / 1_000_000);
     select();
-    // Operation control (register 02) = 0 switches transmitter, receiver and oscillator off (DS13541).
+    // Writing 0 to operation control (register 02) switches the chip's transmitter, receiver and oscillator off
+    // (DS13541).
     for byte in [command::WRITE | 0x02, 0x00] {
         put(byte);
         take();

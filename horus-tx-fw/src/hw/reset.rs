@@ -1,4 +1,4 @@
-//! Resets: their reason, the number of those by the watchdog, and the memory that is kept over them
+//! Resets: their reason, the number of resets by the watchdog, and the memory that is kept over a reset
 //!
 //! `unsafe` is used here for the section of memory that the start leaves as it is.
 #![allow(unsafe_code)]
@@ -32,11 +32,11 @@ pub fn kept_exclusions(reason: ResetReason) -> u8 {
     exclusions::from_words(EXCLUSIONS.each_ref().map(|word| word.load(Ordering::Relaxed)), reason)
 }
 
-/// Counts resets by the watchdog since the supply came on, and returns the reason of this start. To be called once.
+/// Counts resets by the watchdog since the supply came on. Returns the reason of this start. To be called once.
 pub fn note_reason() -> ResetReason {
     let reason = reset::reason(reset_flags());
     let [magic, count] = &RESETS;
-    // After the supply came on the memory holds arbitrary values.
+    // After power-on the memory of these two words holds arbitrary values.
     if magic.load(Ordering::Relaxed) != MAGIC || reason == ResetReason::PowerOn {
         magic.store(MAGIC, Ordering::Relaxed);
         count.store(0, Ordering::Relaxed);

@@ -51,7 +51,7 @@ pub(super) fn memory() -> [Range<u32>; 2] {
     [memory::span(&IN), memory::span(&OUT)]
 }
 
-// The constant has to agree with `set_up`, which divides the bus clock by 128.
+// The stated SPI clock must agree with `set_up`, which divides the bus clock by 128.
 const _: () = assert!(timing::GNSS_SPI_HZ * 128 == timing::APB2_HZ);
 
 pub struct SpiSource {
@@ -70,7 +70,7 @@ impl SpiSource {
         (port.enable)(rcc);
         gpio::output(port.chip_select, Speed::Low, true);
         gpio::alternate(port.sck, Speed::VeryHigh, Pull::None);
-        // The line of a missing receiver must read like that of a receiver that has no data.
+        // Without a receiver, the pull-up makes the SPI line read like that of a receiver without data.
         gpio::alternate(port.miso, Speed::Low, Pull::Up);
         gpio::alternate(port.mosi, Speed::Low, Pull::None);
         let steps = Steps::new(&port.timer, rcc);
@@ -124,7 +124,7 @@ impl SpiSource {
             }
             Order::Abort => {
                 self.steps.stop();
-                // If a stream does not stop, `transfer` does not start it, and the next tick tries again.
+                // If a DMA stream does not stop, `transfer` does not start it, and the next tick tries again.
                 let _ = (dma::stop(self.port.stream_out), dma::stop(self.port.stream_in));
                 self.finish();
                 gpio::write(self.port.chip_select, true);
@@ -138,7 +138,7 @@ impl SpiSource {
         }
     }
 
-    /// Disconnects the SPI's requests from the streams, which are off, and clears the streams' flags.
+    /// Disconnects the SPI's requests from both DMA streams, which must be off, and clears the streams' flags.
     fn finish(&self) {
         self.spi().cr2().write(|w| w);
         dma::clear_flags(self.port.stream_in);
@@ -169,7 +169,8 @@ impl SpiSource {
         self.spi().cr2().write(|w| w.rxdmaen().set_bit().txdmaen().set_bit());
     }
 
-    /// Takes the bytes that have come in, without filler. Filler, most of a transfer, is dropped in fours.
+    /// Puts the bytes that have come in, without filler, into the ring. Filler, most of a transfer, is skipped in
+    /// fours.
     fn take(&mut self) {
         compiler_fence(Ordering::Acquire);
         let is_old = self.polling.is_old();
@@ -205,7 +206,8 @@ impl SpiSource {
         let incoming = dma::flags(self.port.stream_in);
         let has_error = incoming.has_error() || dma::flags(self.port.stream_out).has_error();
         if !has_error && !incoming.is_complete() {
-            // The task was called only to check in. A transfer that ends from now on calls it again: its flag stays.
+            // The task was called only to check in. A transfer that ends from now on leaves its flag set, which calls
+            // the task again.
             return;
         }
         dma::clear_flags(self.port.stream_in);
@@ -213,7 +215,7 @@ impl SpiSource {
         let order = if has_error {
             self.polling.failed()
         } else {
-            // The last byte comes in after the last one has gone out, so the outgoing stream has ended too.
+            // The last byte comes in after the last one was sent, so the outgoing DMA stream has ended too.
             self.polling.transferred()
         };
         self.carry_out(order);

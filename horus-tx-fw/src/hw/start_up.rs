@@ -8,8 +8,9 @@
 //! watchdog's own clock. The prescaler keeps its reset value, 4. Until `init` feeds the watchdog, it counts from the
 //! reset value of the reload register ([`timing::FIRST_WATCHDOG_MS`]).
 //!
-//! RCC_CSR collects flags until RMVF clears all of them (RM0090 6.3.21). They are cleared before the watchdog starts.
-//! Otherwise the flags of power-on and of brown-out could hide the watchdog's flag at the next restart.
+//! The reset flags in RCC_CSR collect until RMVF clears all of them (RM0090 6.3.21). They are cleared before the
+//! watchdog starts. Otherwise the flags of power-on and of brown-out could hide the watchdog's flag at the next
+//! restart.
 //!
 //! A start after power-on destroys the record of excluded receivers here ([`horus_tx_fw::exclusions`]), since memory
 //! can outlive a short loss of the supply. The flags overwrite the record's first word, and no record begins with them.
@@ -21,7 +22,7 @@ use super::reset::EXCLUSIONS;
 
 firmware_common::install_start!(
     [
-        // The flags are in RCC_CSR, and its bit RMVF clears them.
+        // The part's reset flags are in RCC_CSR, whose bit RMVF clears them.
         "ldr r0, =0x40023874",
         "ldr r1, [r0]",
         "orr r2, r1, #0x01000000",

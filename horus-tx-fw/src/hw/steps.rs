@@ -23,7 +23,7 @@ impl Steps {
         let registers = steps.registers();
         registers.psc().write(|w| w.psc().set((timing::TICKS_PER_US - 1) as u16));
         registers.cr1().write(|w| w.urs().set_bit());
-        // The prescaler is loaded now by an update, which raises no interrupt.
+        // An update loads the prescaler now, without raising an interrupt.
         registers.egr().write(|w| w.ug().set_bit());
         registers.sr().write(|w| w.uif().clear());
         registers.dier().write(|w| w.uie().set_bit());
@@ -41,7 +41,7 @@ impl Steps {
         let timer = self.registers();
         timer.cr1().write(|w| w.urs().set_bit());
         timer.cnt().write(|w| w.cnt().set(0));
-        // The timer's update comes ARR + 1 counts after its start.
+        // The timer's update comes ARR + 1 counts after the start, so the time is never shorter than requested.
         timer.arr().write(|w| w.arr().set(us.max(1)));
         timer.sr().write(|w| w.uif().clear());
         timer.cr1().write(|w| w.urs().set_bit().opm().set_bit().cen().set_bit());
@@ -52,7 +52,7 @@ impl Steps {
         self.registers().sr().write(|w| w.uif().clear());
     }
 
-    /// Returns whether the time is over, and clears the timer's flag.
+    /// Returns whether the timer's time is over, and clears the timer's flag.
     pub(super) fn is_over(&self) -> bool {
         let over = self.registers().sr().read().uif().bit_is_set();
         if over {

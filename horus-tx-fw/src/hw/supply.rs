@@ -49,8 +49,8 @@ pub fn watch(rcc: &mut Rcc) -> bool {
     pac::PWR::enable(rcc);
     // SAFETY: register blocks are always there, and no other code uses PWR or this line of EXTI.
     let (exti, pwr) = unsafe { (&*pac::EXTI::ptr(), &*pac::PWR::ptr()) };
-    // The interrupt is enabled before the detector is switched on, so that a supply that is too low already is noticed.
-    // The detector's output rises when the supply falls.
+    // The detector's output rises when the supply falls. The interrupt is enabled before the detector is switched on,
+    // so that a supply that is already too low raises it as well.
     // SAFETY: RM0090 defines the line's bit in this register.
     exti.rtsr().modify(|r, w| unsafe { w.bits(r.bits() | LINE) });
     // SAFETY: RM0090 defines the line's bit in this register.

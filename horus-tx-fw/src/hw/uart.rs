@@ -47,7 +47,7 @@ impl UartSource {
     pub fn new(index: usize, port: &'static UartPort, rcc: &mut pac::RCC) -> Self {
         let source =
             Self { index, port, registers: Registers::at((port.registers)()), writer: Writer::new(), outgoing: None };
-        // The pull-up makes a line that is not connected read as idle.
+        // A line that is not connected reads as idle, because of the pull-up.
         gpio::alternate(port.rx, Speed::Low, Pull::Up);
         gpio::alternate(port.tx, Speed::Low, Pull::Up);
         (port.enable)(rcc);
@@ -72,7 +72,8 @@ impl UartSource {
             Rate::Usual => timing::GNSS_BAUD,
             Rate::Factory => timing::FACTORY_BAUD,
         };
-        // With 16 times oversampling BRR is the nearest divider itself (36 MHz: 78, 0.16 % fast; 938, 0.05 % slow).
+        // With 16 times oversampling, BRR is the divider of the bus clock to the nearest integer (36 MHz: 78, 0.16 %
+        // fast; 938, 0.05 % slow).
         let divider = (self.port.bus_hz + baud / 2) / baud;
         // SAFETY: any 16-bit value is a divider; this one is within 1 % of the wanted baud rate.
         self.uart().brr().write(|w| unsafe { w.bits(divider as u16) });
@@ -80,13 +81,14 @@ impl UartSource {
 
     /// Sets the baud rate of a UART that is on, by switching it off and on.
     fn change_rate(&self, rate: Rate) {
-        // The rate must not change during a byte (RM0090 "USART", fractional baud rate generation).
+        // The UART is off while its rate changes, because the rate must not change during a byte (RM0090 "USART",
+        // fractional baud rate generation).
         self.uart().cr1().modify(|_, w| w.ue().clear_bit());
         self.set_rate(rate);
         self.uart().cr1().modify(|_, w| w.ue().set_bit());
     }
 
-    /// Starts the DMA stream at the start of the receiver's ring.
+    /// Starts the DMA stream, which writes from the start of the receiver's ring.
     ///
     /// # Safety
     ///
@@ -118,14 +120,15 @@ impl UartSource {
             self.telemetry().uart_errors.add(1);
         }
         if is_bad || flags.idle().bit_is_set() {
-            // Reading SR, then DR, clears all of these flags (RM0090 "USART", status register). The line has been idle
-            // for a whole frame, or its byte was bad, so the DMA stream does not lose a byte by this read.
+            // Reading SR, then DR, clears all of these flags (RM0090 "USART", status register). The DMA stream does not
+            // lose a byte by this read: either the line has been idle for a whole frame, or its last byte was bad.
             let _ = uart.dr().read();
         }
         self.send(flags.txe().bit_is_set(), flags.tc().bit_is_set());
     }
 
-    /// Sends the next byte if the last one has left the data register, and ends the message when its last bit is out.
+    /// Sends the next byte of the message if the previous one has left the data register. Ends the message when its
+    /// last bit is out.
     fn send(&mut self, is_empty: bool, is_complete: bool) {
         let uart = self.uart();
         let Some((message, sent)) = &mut self.outgoing else { return };
@@ -136,11 +139,13 @@ impl UartSource {
                 uart.dr().write(|w| unsafe { w.bits(u16::from(*byte)) });
             }
             Some(_) => {}
-            // Before the last byte is written, the flag belongs to an earlier byte.
+            // The flag TC is cleared before the last byte is written, because until then it tells the end of an earlier
+            // byte.
             None if is_complete => {
                 let rate = message.rate();
                 self.outgoing = None;
-                // Both interrupts are switched off; the data register's may still be on after the last bit.
+                // Both interrupts of the transmitter are switched off. After the last bit, that of the empty data
+                // register may still be on.
                 uart.cr1().modify(|_, w| w.txeie().clear_bit().tcie().clear_bit());
                 if rate != Rate::Usual {
                     self.change_rate(Rate::Usual);
@@ -152,13 +157,13 @@ impl UartSource {
         }
     }
 
-    /// Checks how far the stream has come, and restarts a stream that has stopped.
+    /// Checks how many bytes the DMA stream has written, and restarts a stream that has stopped.
     fn look(&mut self) {
         let stream = self.port.stream;
         dma::clear_flags(stream);
         if !dma::is_on(stream) {
-            // A transfer error stops a circular stream. The stream begins at the ring's start again, and the count of
-            // its bytes with it; no checksum accepts a message that was cut by the error.
+            // A transfer error stops a circular stream. The restarted stream writes from the ring's start, so the count
+            // of its bytes restarts too. A message that the error has cut fails its checksum.
             self.telemetry().uart_errors.add(1);
             self.writer.advance(RING, RING);
             // SAFETY: the stream is off.
@@ -166,7 +171,7 @@ impl UartSource {
         }
     }
 
-    /// Publishes how many bytes the stream has written by now.
+    /// Publishes the number of bytes that the DMA stream has written so far.
     fn count_written(&mut self) {
         let written = self.writer.advance(dma::left(self.port.stream), RING);
         buffers::ring(self.index).set_written(written);

@@ -58,7 +58,8 @@ impl NavPvt {
         payload[24..28].copy_from_slice(&self.longitude.to_le_bytes());
         payload[28..32].copy_from_slice(&self.latitude.to_le_bytes());
         payload[32..36].copy_from_slice(&self.height.to_le_bytes());
-        // The height above mean sea level gets a different value, so that a mix-up of the two heights fails a test.
+        // The height above mean sea level differs from the height above the ellipsoid, so that a mix-up of the two
+        // fails a test.
         payload[36..40].copy_from_slice(&(self.height.wrapping_sub(48_000)).to_le_bytes());
         for (at, accuracy) in (40..).step_by(4).zip(self.accuracies) {
             payload[at..at + 4].copy_from_slice(&accuracy.to_le_bytes());
@@ -71,7 +72,8 @@ impl NavPvt {
     }
 }
 
-/// Returns NAV-ATT, with 32 bytes of payload: angles roll, pitch, heading in 1e-5 degrees, then their accuracies.
+/// Returns a NAV-ATT message with 32 bytes of payload: angles roll, pitch, heading in 1e-5 degrees, then their
+/// accuracies.
 pub fn nav_att(itow: u32, angles: [i32; 3], accuracies: [u32; 3]) -> Vec<u8> {
     let mut payload = [0u8; 32];
     payload[0..4].copy_from_slice(&itow.to_le_bytes());

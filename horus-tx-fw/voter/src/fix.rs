@@ -26,7 +26,7 @@ pub struct Stated {
 }
 
 impl Stated {
-    /// Replaces a statement that is not plausible. Its values are in range, but never used.
+    /// The values that replace those of a statement that is not plausible. They are in range, but never used.
     const NOTHING: Self = Self {
         latitude_e7: 0,
         longitude_e7: 0,
@@ -94,7 +94,7 @@ impl Fix {
 }
 
 impl Default for Fix {
-    /// Returns the fix of a receiver that has stated nothing, which is not plausible.
+    /// Returns the fix of a receiver that has stated nothing. This fix is not plausible.
     fn default() -> Self {
         Self::new(&Stated::NOTHING)
     }

@@ -2,9 +2,9 @@
 //!
 //! # Design
 //!
-//! The distances between places are small against the earth, and a float32 has 24 bits. So no position is ever a
-//! float32; only differences of two positions are, which integers give exactly. The processor's own arithmetic then
-//! does all but the last step of the result.
+//! Distances between places are small against the earth, and a float32 has only 24 bits. So a float32 never holds a
+//! position, but only differences of two positions, which integers give exactly. That lets the processor's own
+//! arithmetic, which has only float32, do all but the last step.
 //!
 //! The vector from one place to another is the difference of their positions in space, seen along north, east and up of
 //! the first place. No term of it is the small difference of two large ones. Latitudes enter as their difference,
@@ -20,14 +20,14 @@
 const SEMI_MAJOR_AXIS: f64 = 6_378_137.0;
 /// The flattening of the WGS-84 ellipsoid (NIMA TR8350.2, table 3.1).
 const FLATTENING: f64 = 1.0 / 298.257_223_563;
-/// The first eccentricity squared of the ellipsoid, f (2 - f).
+/// The square of the ellipsoid's first eccentricity, f (2 - f).
 const E2: f64 = FLATTENING * (2.0 - FLATTENING);
 
 const HALF_TURN_E7: i32 = 1_800_000_000;
 const QUARTER_TURN_E7: i32 = 900_000_000;
 /// A ten-millionth of a degree, the unit of the integers, in rad.
 const RAD_PER_E7: f32 = (core::f64::consts::PI / 1.8e9) as f32;
-/// The number of parts of 1e-7 degrees, each 0.04 mm, in which the result is counted before it becomes degrees.
+/// The result is counted in 256ths of 1e-7 degrees, 0.04 mm each, before it is converted to degrees.
 const PARTS: i64 = 256;
 const PARTS_PER_RAD: f32 = (1.8e9 * 256.0 / core::f64::consts::PI) as f32;
 
@@ -78,7 +78,7 @@ impl Place {
         let east = self.across * other.cosine * turn_sine;
         let up = -self.across * (0.5 * northward * northward + self.cosine * round);
 
-        // North and east at the other place have other directions than at this one.
+        // The directions of north and east at the other place differ from those at this place.
         let [step_north, step_east] = step;
         let straight = self.sine * other.sine * turn_cosine + self.cosine * other.cosine;
         [
@@ -91,15 +91,15 @@ impl Place {
     /// Returns latitude and longitude, degrees, of the point `north` and `east` metres from this place, at most some
     /// hundred. Without a step the result is exactly the position that was stated.
     pub(crate) fn degrees(&self, [north, east]: [f32; 2]) -> [f64; 2] {
-        // The distance of the point from the earth's axis, first in this place's direction, then in the point's own.
+        // The point's distance from the earth's axis, measured in the direction of this place, then in the direction of
+        // the point.
         let outward = self.across * self.cosine - north * self.sine;
         let away = libm::sqrtf(outward * outward + east * east);
         let ahead = outward >= 0.0;
-        // The tangent of half the turn; beyond the pole, of half of what the turn lacks to 180°; at the pole 0 / tiny.
+        // Here `half_turn` is the tangent of half the change in longitude. Beyond the pole it is that of half of what
+        // the change lacks to 180°; at the pole it is 0 / tiny.
         let half_turn = east / at_least(away + if ahead { outward } else { -outward }, f32::MIN_POSITIVE);
         let turn = 2.0 * arc_tangent(half_turn);
-        // A turn to the west beyond the pole is written as a turn to the east of up to 360°; `over` brings the
-        // longitude back into ±180°.
         let (turn, bulge) =
             if ahead { (turn, east * half_turn) } else { (core::f32::consts::PI - turn, away - outward) };
         let rise = (north - self.sine * bulge) / self.along;
@@ -125,7 +125,8 @@ fn shorter_way(difference_e7: i64) -> i32 {
     (difference_e7 + over + under) as i32
 }
 
-/// Returns the sine of at most ±90° by Taylor's series to the eleventh power. The next term is 6e-8 of it at 90°.
+/// Returns the sine of an angle of at most ±90° by Taylor's series to the eleventh power. The next term is 6e-8 of the
+/// result at 90°.
 fn sine(rad: f32) -> f32 {
     const TERMS: [f32; 6] = [1.0, -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5_040.0, 1.0 / 362_880.0, -1.0 / 39_916_800.0];
     rad * series(rad * rad, TERMS)
@@ -155,13 +156,13 @@ mod tests {
     use proptest::prelude::*;
     use proptest::test_runner::{Config, RngSeed};
 
-    /// The semi-minor axis of the WGS-84 ellipsoid, m, as the standard states it (NIMA TR8350.2, table 3.3). With it
-    /// the tests compute in float64 and in space, independently of the code.
+    /// The semi-minor axis of the WGS-84 ellipsoid, m (NIMA TR8350.2, table 3.3). The tests compute positions in space
+    /// with it, in float64 and independently of the code.
     const SEMI_MINOR_AXIS: f64 = 6_356_752.314_2;
 
     type Vector = [f64; 3];
 
-    /// A place as `Place::new` takes it, with which the tests compute exactly in space.
+    /// A place as `Place::new` takes it. The tests compute with it in space, without approximations.
     #[derive(Clone, Copy, Debug)]
     struct Exact {
         latitude_e7: i32,
@@ -191,7 +192,8 @@ mod tests {
             [[-north * out, -north * east, along], [-east, out, 0.0], [along * out, along * east, north]]
         }
 
-        /// Returns the metres north, east and up from here to `other` at this height, moved by `step` north and east.
+        /// Returns the metres north, east and up from here to `other`, which lies at this height and is moved by `step`
+        /// north and east.
         fn to(&self, other: &Self, step: [f32; 2]) -> Vector {
             let other = Self { height: self.height, ..*other };
             let [north, east, _] = other.axes();
@@ -254,7 +256,8 @@ mod tests {
     proptest! {
         #![proptest_config(seeded(20_000))]
 
-        /// The errors are those that the module states, also for the height, which depends on the earth's curvature.
+        /// The errors are within the bounds that the module's page states. Heights are checked too, since they depend
+        /// on the earth's curvature.
         #[test]
         fn the_way_to_a_place_has_the_accuracy_that_is_stated(
             here in anywhere(),
@@ -270,7 +273,7 @@ mod tests {
             }
         }
 
-        /// The computed distance is never less than half of the true one, however far apart two places are.
+        /// The computed distance between two places is at least half of the true distance, however far apart they are.
         #[test]
         fn places_that_are_far_apart_are_far_apart(here in anywhere(), there in anywhere()) {
             let found = length(here.place().to(&there.place(), [0.0; 2]).map(f64::from));
@@ -278,7 +281,8 @@ mod tests {
             prop_assert!(found >= 0.5 * exact, "{found} m for {exact} m");
         }
 
-        /// The step may lead over a pole or over ±180°. The places are rounded to 1e-7 degrees, which is 11 mm.
+        /// The step moves `other` and may lead over a pole or over ±180°. The places are rounded to 1e-7 degrees, which
+        /// is 11 mm.
         #[test]
         fn what_lies_a_step_away_is_where_the_step_leads(
             here in anywhere(),

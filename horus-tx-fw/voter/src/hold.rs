@@ -1,21 +1,21 @@
 //! Holds a result back for a second if it cannot be reached from the last result shown (decision 15, jumps)
 //!
-//! A result can be reached from the last one shown within a distance that grows with the time since then. Results that
-//! are held back form a row, which goes on while there is a result at every tick and each can be reached from the one
+//! A result is within reach if its distance from the last one shown is small enough for the time since then. Results
+//! out of reach are held back. They form a row, which goes on while every tick has a result within reach of the one
 //! before it. After [`HELD_BACK_MS`] the row's last result is shown.
 
 use crate::{HELD_BACK_MS, SPEED_MAX_MM_S};
 
 const SPEED_MAX_M_S: f32 = SPEED_MAX_MM_S as f32 / 1e3;
 
-/// A quantity of a result, place or altitude, that moves from tick to tick.
+/// A place or an altitude that the vote has as its result, and that moves from tick to tick.
 pub(crate) trait Mark: Copy {
-    /// Whether this value can have become `next` after `seconds`.
+    /// Whether this place or altitude can have become `next` after `seconds`.
     fn leads_to(&self, next: &Self, seconds: f32) -> bool;
 }
 
-/// Whether a distance is at most a limit plus the way at [`SPEED_MAX_M_S`]. Distance and limit are given as squares.
-/// The comparison d ≤ l + w is made without a root: d² - l² - w² ≤ 2 l w.
+/// Whether a distance d is at most a limit l plus the way w at [`SPEED_MAX_M_S`]. Distance and limit are given as
+/// squares. The comparison needs no root: d² - l² - w² ≤ 2 l w.
 pub(crate) fn is_within_reach(distance_squared: f32, limit_squared: f32, seconds: f32) -> bool {
     let way_squared = SPEED_MAX_M_S * SPEED_MAX_M_S * (seconds * seconds);
     let beyond = distance_squared - limit_squared - way_squared;
@@ -43,11 +43,11 @@ impl<T: Mark> At<T> {
 }
 
 impl<T: Mark> Hold<T> {
-    /// The state in which no result was shown yet, so that the first result is shown.
+    /// The state before any result was shown. The first result is shown at once.
     pub(crate) const NEW: Self = Self { shown: None, held: None };
 
-    /// Whether the result `mark` is shown at `now_ms`, if there is one (`is_there`) and other rules allow it
-    /// (`may_show`).
+    /// Takes the result `mark` of the tick at `now_ms`, if there is one (`is_there`), and returns whether it is shown.
+    /// `may_show` says that all other rules allow it.
     pub(crate) fn take(&mut self, now_ms: u32, mark: T, is_there: bool, may_show: bool) -> bool {
         let next = At { ms: now_ms, mark };
         let is_near = self.shown.unwrap_or(next).leads_to(&next);

@@ -16,8 +16,8 @@
 //!   all metres are float32 (see `geometry`), no distance needs a root, and float64 appears only in the result.
 //! - **Pure.** The voter has no clock, no input or output, and no allocation: [`Voter::vote`] is given the time.
 //!
-//! - **Each quantity by itself.** Altitude, attitude and acceleration are each stated only if a quorum of the members
-//!   has the quantity and these agree in it.
+//! - **Each quantity by itself.** The result has an altitude, an attitude or an acceleration only if a quorum of the
+//!   members has this quantity and agrees in it.
 //! - **No jump at once.** A place or an altitude that cannot be reached at 200 m/s from the last one shown is held back
 //!   until it has lasted for a second (see `hold`).
 //! - **A majority of right receivers always has a result.** More than half of the receivers are members of a result, so
@@ -27,8 +27,8 @@
 //!
 //! # What it cannot do
 //!
-//! The voter accepts a wrong place on which a majority agrees. A receiver that moves away slowly shifts the result by
-//! less than the agreement distance, until it is excluded.
+//! The voter accepts a wrong place on which a majority agrees. A receiver that drifts slowly shifts the result by less
+//! than the agreement distance, until the receiver is excluded.
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -69,16 +69,18 @@ pub const MOST_VERTICAL_ACCURACY_MM: u32 = 50_000;
 /// The latency (time from the epoch of a position to its arrival) of the candidate in the middle, ms: a receiver takes
 /// it to compute and send (decision 15, brought to the tick; u-blox data sheets and recordings: 40 to 80 ms).
 pub const LATENCY_MS: i32 = 50;
-/// How much a latency may differ from that of the candidate in the middle, ms (decision 15, brought to the tick).
+/// How much the latency of a candidate may differ from that of the candidate in the middle, ms (decision 15, brought to
+/// the tick).
 pub const LATENCY_SPREAD_MS: i32 = 50;
-/// The time after which the time of week begins anew, ms.
+/// The length of a week, ms, after which the time of week begins at 0 again.
 pub const WEEK_MS: u32 = 7 * 24 * 3_600 * 1_000;
-/// How much a latency may be off [`LATENCY_MS`], s. An accuracy grows by this times the speed (decision 15).
+/// How much a latency may differ from [`LATENCY_MS`], s. This times the speed is added to an accuracy (decision 15).
 pub const LATENCY_UNCERTAINTY_S: f32 = 0.05;
-/// Half of the greatest acceleration, 4 m/s². An accuracy grows by this times the square of the age (decision 15).
+/// Half of the greatest acceleration, 4 m/s². This times the square of the age is added to an accuracy (decision 15).
 pub const HALF_ACCELERATION_M_S2: f32 = 2.0;
 
-/// Two receivers agree within this multiple of the root of their accuracies' squares' sum (decision 15, agreement).
+/// Two receivers agree within this multiple of the standard deviation of their difference, the root of the sum of both
+/// squared accuracies (decision 15, agreement).
 pub const DEVIATIONS: f32 = 3.0;
 /// The least and the greatest distance within which two receivers agree, horizontally, m (decision 15, agreement).
 pub const HORIZONTAL_LIMITS_M: [f32; 2] = [5.0, 30.0];
@@ -93,7 +95,7 @@ pub const ACCELERATION_LIMIT_M_S2: f32 = 2.0;
 /// How long a place or altitude out of reach of the last one shown must last before it is shown, ms (decision 15).
 pub const HELD_BACK_MS: u32 = 1_000;
 
-/// The largest angle that is used, rad in either direction: more than UBX NAV-ATT can hold, which is 375 rad.
+/// The largest angle that is used, rad in either direction. UBX NAV-ATT can hold 375 rad, which is less.
 pub const ANGLE_MAX: f32 = 400.0;
 
 /// How long an excluded receiver must agree without a break before it may take part again, ms (decision 15, exclusion).
@@ -116,10 +118,10 @@ pub struct Input {
     pub fix: Fix,
     /// The time from the arrival of the position to the tick, ms; below 0 if the position arrived after the tick.
     pub since_arrival_ms: i32,
-    /// The time from the position's time of week to its arrival, ms, modulo [`WEEK_MS`], by any clock, since only
-    /// differences between receivers count.
+    /// The position's arrival minus its time of week, ms, modulo [`WEEK_MS`]. The arrival may be on any clock, since
+    /// only differences between receivers count.
     pub lag_ms: u32,
-    /// Pitch, yaw and roll, rad, if they are valid.
+    /// The angles pitch, yaw and roll, rad, if they are valid.
     pub attitude: Option<[f32; 3]>,
     /// Acceleration front, right and down, m/s², if it is valid.
     pub acceleration: Option<[f32; 3]>,
@@ -132,11 +134,12 @@ pub struct Position {
     pub latitude: f64,
     /// The longitude, degrees east, WGS-84.
     pub longitude: f64,
-    /// The altitude, m above the ellipsoid; `None` if no quorum of members has one, or while a jump of it is held back.
+    /// The altitude, m above the ellipsoid; `None` if no quorum of members has an altitude, or while a jump of the
+    /// altitude is held back.
     pub altitude: Option<f64>,
 }
 
-/// The result of a vote. Bit 0 of a mask is that of the first receiver.
+/// The result of a vote. In its masks, bit 0 stands for the first receiver.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Verdict {
     /// The receivers that agree on the result; none if there is no result, or while a jump is held back.
@@ -147,7 +150,7 @@ pub struct Verdict {
     pub position: Option<Position>,
     /// Pitch and roll within ±π and yaw from 0 to 2π, rad, if a quorum of the members has an attitude and these agree.
     pub attitude: Option<[f32; 3]>,
-    /// Acceleration front, right and down, m/s², under the same condition as the attitude.
+    /// Acceleration front, right and down, m/s², if a quorum of the members has an acceleration and these agree.
     pub acceleration: Option<[f32; 3]>,
 }
 
@@ -173,7 +176,8 @@ impl Verdict {
 pub struct Voter<const N: usize> {
     last: u8,
     excluded: u8,
-    /// The time from which on each excluded receiver has agreed at every tick, ms; `None` if it does not agree now.
+    /// For each excluded receiver, the time from which on it has agreed at every tick, ms; `None` if it does not agree
+    /// now.
     agreeing_since: [Option<u32>; N],
     places: Hold<Spot>,
     altitudes: Hold<Height>,
@@ -188,11 +192,11 @@ impl<const N: usize> Default for Voter<N> {
 /// A candidate's position, extrapolated to the tick.
 #[derive(Clone, Copy, Default)]
 struct Brought {
-    /// How far the candidate has moved since its position's epoch, m north and east.
+    /// How far the candidate has moved from its position's epoch to the tick, m north and east.
     step: [f32; 2],
-    /// How far the candidate has moved upwards since its position's epoch, m.
+    /// How far the candidate has moved upwards from its position's epoch to the tick, m.
     climb: f32,
-    /// The horizontal accuracy, m, with the error of the extrapolation.
+    /// The horizontal accuracy, m, which includes the error of the extrapolation.
     horizontal: f32,
     vertical: f32,
 }
@@ -245,7 +249,8 @@ impl<const N: usize> Voter<N> {
         let height = height(inputs, &brought, with_altitude);
         let is_stated = self.altitudes.take(now_ms, height, has_quorum, is_result);
 
-        // A receiver that agrees with no peer is outvoted; where a quorum has an altitude, its peers must have one too.
+        // A receiver that agrees with no other is outvoted. Where a quorum has an altitude, the others must have one
+        // too.
         let peers =
             inputs.each_ref().map(|input| if has_quorum & input.fix.has_altitude { with_altitude } else { set });
         let mut with_peer = 0;
@@ -254,7 +259,7 @@ impl<const N: usize> Voter<N> {
         }
         let outvoted = if is_result { outside & !with_peer } else { 0 };
 
-        // A receiver that is outvoted took part in the vote, so it was not excluded before.
+        // An outvoted receiver took part in the vote, so it was not excluded before.
         let excluded = self.excluded | outvoted;
         self.remember(members, outvoted, eligible, &friends, now_ms);
 
@@ -269,12 +274,11 @@ impl<const N: usize> Voter<N> {
         }
     }
 
-    /// Updates the excluded receivers: adds the `outvoted`, and removes those that have agreed for long enough with all
-    /// `members`, or without a result with one of the `eligible`, if there are any.
+    /// Updates the excluded receivers. Adds the `outvoted`. Removes those that have agreed for long enough with all
+    /// `members` or, if there is no result, with one of the `eligible`. If none is eligible, they need not agree.
     fn remember(&mut self, members: u8, outvoted: u8, eligible: u8, friends: &[u8; N], now_ms: u32) {
         let mut returned = 0;
         for (index, (since, friends)) in self.agreeing_since.iter_mut().zip(friends).enumerate() {
-            // Only a candidate counts as agreeing with itself.
             let with_members = friends & members == members;
             let with_one = (friends & eligible != 0) | (eligible == 0);
             let agrees = has(self.excluded & friends, index) & with_members & ((members != 0) | with_one);
@@ -302,7 +306,7 @@ fn mask_of<T, const N: usize>(items: &[T; N], is: impl Fn(&T) -> bool) -> u8 {
     items.iter().enumerate().fold(0, |mask, (index, item)| mask | u8::from(is(item)) << index)
 }
 
-/// Returns the first of `items` whose bit is set in `mask`; if none is, the first of all.
+/// Returns the item of the first receiver in `mask`. If `mask` is empty, returns the first item of all.
 fn first<T: Copy, const N: usize>(mask: u8, items: &[T; N]) -> T {
     (0..N).rev().fold(items[0], |found, index| if has(mask, index) { items[index] } else { found })
 }
@@ -312,7 +316,7 @@ fn are_within(values: Option<[f32; 3]>, most: f32) -> bool {
     values.is_some_and(|values| values.iter().fold(true, |all, value| all & (value.abs() <= most)))
 }
 
-/// Returns one of three numbers of each input; 0 where the three are not given or exceed `most`.
+/// Returns one of the three numbers of each input, or 0 for an input without numbers or with one beyond `most`.
 fn axis_of<const N: usize>(
     inputs: &[Input; N],
     of: impl Fn(&Input) -> Option<[f32; 3]>,
@@ -364,8 +368,9 @@ fn bring(input: &Input, half_ms_before_arrival: i32) -> Brought {
     }
 }
 
-/// Returns for each candidate the mask of those that agree with it, including itself; and a table whose row `i` has the
-/// places of candidate `i` and those after it, m north and east of the place that `i` stated.
+/// Returns two results. For each candidate, the first has a mask of the candidates that agree with it, including
+/// itself. Row `i` of the second has the places of candidate `i` and those after it, m north and east of the place that
+/// `i` stated.
 fn compare<const N: usize>(
     inputs: &[Input; N],
     brought: &[Brought; N],
@@ -411,7 +416,8 @@ fn apart((place, step): (&Place, [f32; 2]), (other, other_step): (&Place, [f32; 
     ([north, east], off_north * off_north + off_east * off_east + up * up)
 }
 
-/// The place of a result: a step, m north and east, from a member's place, and the least accurate member's accuracy, m.
+/// The place of a result, given as a member's place and a step from it, m north and east, with the accuracy of the
+/// least accurate member, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Spot {
     place: Place,
@@ -429,14 +435,14 @@ impl hold::Mark for Spot {
 
 /// Returns the median position of the receivers that agree: the median north and the median east, separately.
 fn spot<const N: usize>(inputs: &[Input; N], brought: &[Brought; N], places: &[[[f32; 2]; N]; N], members: u8) -> Spot {
-    // The metres count from the first member's place, since its row has all members.
+    // The metres count from the first member's place, since that member's row has the places of all members.
     let place: Place = first(members, &inputs.each_ref().map(|input| input.fix.place));
     let row = first(members, places);
     let step = [0, 1].map(|axis| median(row.map(|place| place[axis]), members));
     Spot { place, step, accuracy: greatest(brought, |brought| brought.horizontal, members) }
 }
 
-/// The altitude of a result: `above` m above `ground_mm`; and the accuracy of the least accurate member, m.
+/// The altitude of a result, `above` m above `ground_mm`, with the accuracy of the least accurate member, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Height {
     ground_mm: i32,
@@ -447,7 +453,7 @@ struct Height {
 impl Height {
     /// Returns the altitude, m above the ellipsoid. If `above` is 0 it is exactly the altitude that was stated.
     fn altitude(&self) -> f64 {
-        /// The number of parts of a mm in which the sum of both heights is counted.
+        /// The sum of both heights is counted in 256ths of a mm, which integers hold exactly.
         const PARTS: i32 = 256;
         let above = (self.above * (1e3 * PARTS as f32)) as i32;
         (i64::from(self.ground_mm) * i64::from(PARTS) + i64::from(above)) as f64 / (1e3 * f64::from(PARTS))
@@ -486,7 +492,7 @@ fn attitude<const N: usize>(inputs: &[Input; N], members: u8) -> Option<[f32; 3]
     let mut attitude = [0.0; 3];
     for (axis, from) in [-PI, 0.0, -PI].into_iter().enumerate() {
         let angles = axis_of(inputs, |input| input.attitude, axis, ANGLE_MAX);
-        // No limit is near half a turn, so two angles agree if their differences from the first angle do.
+        // No limit is near half a turn, so two angles agree if both differ from the first angle by amounts that agree.
         let (reference, differences) = about_first(angles, oriented);
         let (middle, spread) = median_and_spread(differences, oriented);
         agree &= spread <= ATTITUDE_LIMITS_RAD[axis];

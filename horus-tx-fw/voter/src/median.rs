@@ -2,21 +2,22 @@
 
 use crate::{first, has};
 
-/// Returns the median of those `values` that are in the mask; for an even number the mean of the middle two. The result
-/// means nothing if the mask is empty.
+/// Returns the median of those `values` that are in the mask; for an even number of them the mean of the middle two.
+/// For an empty mask the result means nothing.
 pub(crate) fn median<const N: usize>(values: [f32; N], among: u8) -> f32 {
     median_and_spread(values, among).0
 }
 
-/// Returns the median as [`median`] does, and the difference of the greatest and the least of the values in the mask.
+/// Returns the median as [`median`] does, and the difference between the greatest and the least of the values in the
+/// mask.
 pub(crate) fn median_and_spread<const N: usize>(values: [f32; N], among: u8) -> (f32, f32) {
     let [least, low, high, most] = ordered(values, among, f32::INFINITY);
     // Each value is halved before the sum, since the sum of two large values would be infinite.
     (0.5 * low + 0.5 * high, most - least)
 }
 
-/// Returns the middle two of those `values` that are in the mask; for an odd number both are the middle one. The result
-/// means nothing if the mask is empty. No value is above `greatest`.
+/// Returns the middle two of those `values` that are in the mask; for an odd number of them the middle one twice. For
+/// an empty mask the result means nothing. No value may be above `greatest`.
 pub(crate) fn middle_two<T: Copy + PartialOrd, const N: usize>(values: [T; N], among: u8, greatest: T) -> [T; 2] {
     let [_, low, high, _] = ordered(values, among, greatest);
     [low, high]

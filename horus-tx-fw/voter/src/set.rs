@@ -4,18 +4,22 @@ use crate::{MOST_RECEIVERS, has};
 
 const SETS: usize = 1 << MOST_RECEIVERS;
 
-/// The number of parts of a metre in which an accuracy is counted; a float32 resolves one part at the largest accuracy.
+/// The number of parts of a metre in which accuracies are counted. At the largest accuracy, a float32 still resolves
+/// one part.
 const PARTS_PER_METRE: f32 = (1 << 20) as f32;
-/// The largest accuracy, in parts of a metre, that differs from a larger one: 64 m. A candidate's is below 43 m.
+/// The greatest accuracy that is told from a larger one, in parts of a metre: 64 m. A candidate's accuracy is below 43
+/// m.
 const MOST_PARTS: u32 = (1 << 26) - 1;
 const SUM_BITS: u32 = 29;
 
-/// The weight that each member adds to a set. The number of a receiver adds less than 2^8, a lower number more.
+/// The weight that each member adds to a set. The number of a receiver adds less than 2^8 to it, and lower numbers add
+/// more.
 const MEMBER: u32 = 1 << 16;
 const KEPT: u32 = 1 << 8;
 
-/// Returns the set that wins, 0 if no receiver is eligible: of the sets in `eligible` in which each pair agrees, that
-/// with most members, then most of `last`, then the least sum of `accuracies` (m), then the lower receiver numbers.
+/// Returns the set that wins; 0 if no receiver is eligible. Only sets in `eligible` count in which each pair agrees.
+/// The set with most members wins; among equals that with most of `last`, then that with the least sum of `accuracies`
+/// (m), then that with the lower receiver numbers.
 ///
 /// `friends[i]` are the receivers that agree with receiver `i`, including itself. Every set is examined once, made from
 /// a smaller set by adding the receiver with the highest number.
@@ -26,13 +30,13 @@ pub(crate) fn winner<const N: usize>(friends: &[u8; N], eligible: u8, last: u8, 
         weights[index] = MEMBER + u32::from(has(last, index)) * KEPT + (1 << (MOST_RECEIVERS - 1 - index));
         parts[index] = ((accuracies[index] * PARTS_PER_METRE) as u32).min(MOST_PARTS);
     }
-    // For each set: the receivers that agree with all its members, its weight, and its sum of accuracies.
+    // Each set has three values: the receivers that agree with all its members, its weight, and its sum of accuracies.
     let mut common = [eligible; SETS];
     let mut weight = [0_u32; SETS];
     let mut sum = [0_u32; SETS];
     let (mut best, mut best_rank) = (0, 0);
     for index in 0..N {
-        // The sets whose highest receiver is number `index` follow, in number, the sets of the lower receivers.
+        // The sets whose highest receiver is `index` follow all sets of the lower receivers.
         let top = 1 << index;
         for rest in 0..top {
             let set = rest | top;

@@ -30,11 +30,11 @@ fn somewhere() -> impl Strategy<Value = (f64, f64)> {
     (latitude, longitude)
 }
 
-/// Whether a receiver is valid, how far off it is, m, its speed, mm/s, its accuracies, mm, its age, ms, its delay by
-/// its time of week, ms, whether its fix is 2D, its attitude and its acceleration.
+/// The state of a receiver: whether it is valid, how far off it is, m, its speed, mm/s, its accuracies, mm, its age,
+/// ms, its delay by its time of week, ms, whether its fix is 2D, its attitude and its acceleration.
 type Drawn = (bool, [f64; 3], [i32; 3], [u32; 2], i32, u32, bool, Option<[f32; 3]>, Option<[f32; 3]>);
 
-/// Draws three numbers, most of which lie so close to `about` that two such draws may agree.
+/// Draws three numbers. Most of them are so close to `about` that two draws may agree.
 fn numbers(about: [f32; 3], within: f32) -> impl Strategy<Value = Option<[f32; 3]>> {
     let off = move || prop_oneof![6 => -within..within, 1 => Just(f32::NAN), 1 => -500.0_f32..500.0];
     let drawn = [off(), off(), off()].prop_map(move |off| [0, 1, 2].map(|axis| about[axis] + off[axis]));
@@ -58,7 +58,7 @@ fn receiver() -> impl Strategy<Value = Drawn> {
     )
 }
 
-/// Returns the report of a receiver when `jump` has moved all receivers north and up, m.
+/// Returns the report of a receiver, after a jump of all receivers by `jump`, m north and up.
 fn report_of(place: (f64, f64), jump: [f64; 2], drawn: Drawn) -> Report {
     let (valid, [north, east, up], velocity_mm_s, accuracies, since_arrival_ms, lag_ms, flat, attitude, acceleration) =
         drawn;
@@ -81,7 +81,7 @@ fn report_of(place: (f64, f64), jump: [f64; 2], drawn: Drawn) -> Report {
     }
 }
 
-/// Whether two groups of three numbers are equal but for rounding, as angles if `circle` is true.
+/// Whether two groups of three numbers are equal except for rounding. If `circle` is true, they are compared as angles.
 fn same(one: Option<[f32; 3]>, other: Option<[f64; 3]>, circle: bool) -> bool {
     let (Some(one), Some(other)) = (one, other) else { return one.is_none() && other.is_none() };
     one.into_iter().zip(other).all(|(one, other)| {
@@ -91,14 +91,14 @@ fn same(one: Option<[f32; 3]>, other: Option<[f64; 3]>, circle: bool) -> bool {
     })
 }
 
-/// Gives the ticks of several receivers to both voters, and compares the results.
+/// Gives both voters the same ticks of several receivers, and compares the results.
 fn compare<const N: usize>(ticks: &[(Vec<Report>, u32)]) -> Result<(), TestCaseError> {
     let (mut voter, mut oracle) = (Voter::<N>::new(), Oracle::default());
     let mut now = u32::MAX - 2_000;
     for (report, later) in ticks {
         let inputs: [Input; N] = std::array::from_fn(|i| report[i].input());
         let (verdict, opinion) = (voter.vote(&inputs, now), oracle.vote(&report[..N], now));
-        // A decision that rounding may turn cannot be compared, and neither can the decisions after it.
+        // A vote whose outcome depends on rounding cannot be compared, and neither can the votes after it.
         if opinion.narrow {
             return Ok(());
         }
@@ -159,8 +159,8 @@ proptest! {
     #[test]
     fn five_receivers(ticks in ticks()) { compare::<5>(&ticks)?; }
 
-    /// Except for ties, which the lower numbers win, the result does not depend on the order of the receivers.
-    /// Accuracies that are drawn like these have no equal sums.
+    /// The result does not depend on the order of the receivers, except for ties, which the lower numbers win.
+    /// Accuracies drawn like these have no equal sums.
     #[test]
     fn the_verdict_does_not_depend_on_the_order_of_the_receivers(
         ticks in ticks(),
@@ -179,7 +179,8 @@ proptest! {
             prop_assert_eq!((a.members, a.excluded), (back(b.members), back(b.excluded)));
             prop_assert_eq!(a.position.is_some(), b.position.is_some());
             if let (Some(a), Some(b)) = (a.position, b.position) {
-                // The axes north and east are those of the first member; beside a pole those of another member differ.
+                // Close to a pole this comparison is left out: north and east are the axes at the first member's place,
+                // and other members' axes differ there.
                 if a.latitude.abs() < 89.0 {
                     let off = distance((a.latitude, a.longitude), (b.latitude, b.longitude));
                     prop_assert!(off < 0.01, "{} m", off);

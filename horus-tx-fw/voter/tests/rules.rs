@@ -133,14 +133,14 @@ fn the_age_of_a_message_follows_from_its_lag_behind_the_others() {
         ([90, 100, 130], [40, 50, 80]),
         ([130, 90, 100], [80, 40, 50]),
         ([100, 150, 50], [50, 100, 0]),
-        // In these rows one time of week is farther off than the voter accepts.
+        // In the next rows, one time of week is farther from the others than the voter accepts.
         ([100, 151, 49], [50, 50, 50]),
         ([100, 400_000, 110], [40, 50, 50]),
         ([400_000, 100, 110], [50, 40, 50]),
         ([0, WEEK_MS / 2 - 9, WEEK_MS / 2], [50, 50, 59]),
-        // In this row, times of week lie around half a week from the first, which is wrong, so none can be compared.
+        // Times of week half a week from the first cannot be compared, so every latency is assumed.
         ([0, WEEK_MS / 2, WEEK_MS / 2 + 9], [50, 50, 50]),
-        // In these rows the week ends between the receivers' times of week.
+        // In the next rows the week ends between the receivers' times of week.
         ([5, LAST, LAST - 20], [56, 50, 30]),
         ([LAST, 5, 15], [44, 50, 60]),
         ([LAST, LAST - 30, 9], [50, 20, 60]),
@@ -159,7 +159,7 @@ fn of_two_receivers_the_middle_lies_between_them() {
         let east = distance(place(&once(report)), degrees(&GOOD));
         assert!((east - 0.040 * latency).abs() < 0.012, "{east} m");
     }
-    // The position of each receiver is moved by 2.5 ms, which is 10 cm; 11 mm of that are the resolution of a position.
+    // The positions move by 2.5 ms of flight, which is 10 cm. The resolution of a position adds an error of 11 mm.
     let still = GOOD.moved(0.0, 2.0);
     let one = once([one, Report { lag_ms: 105, ..still }]);
     let other = once([Report { lag_ms: 100, ..still }, other]);
@@ -167,7 +167,8 @@ fn of_two_receivers_the_middle_lies_between_them() {
     assert!((apart - 0.040 * 5.0 / 2.0).abs() < 0.02, "{apart} m");
 }
 
-/// Returns the greatest distance north at which two receivers agree, m: the search has 1 mm, positions have 11 mm.
+/// Returns the greatest distance north at which two receivers agree, m. The search has a step of 1 mm, but positions
+/// have one of 11 mm.
 fn reach(one: Report, other: Report) -> f64 {
     let (mut near, mut far) = (0.0, 60.0);
     while far - near > 1e-3 {
@@ -188,7 +189,7 @@ fn climb(one: Report, other: Report) -> f64 {
 
 #[test]
 fn two_receivers_agree_within_three_standard_deviations_and_fixed_limits() {
-    // An age of 50 ms without speed adds 5 mm to an accuracy.
+    // The positions are 50 ms old and at rest, which adds 5 mm to an accuracy.
     for (one, other, expected) in [
         (1_000, 1_000, 5.0),
         (1_650, 100, 5.0),
@@ -213,12 +214,13 @@ fn two_receivers_agree_within_three_standard_deviations_and_fixed_limits() {
 
 #[test]
 fn accuracies_grow_with_speed_and_with_the_square_of_the_age() {
-    // The accuracy is 4 m, 0.05 s of 50 m/s, and 2 m/s² over 0.55 s, so 7.105 m; that of the other receiver is 1.005 m.
+    // The moving receiver's accuracy is 4 m, 0.05 s of 50 m/s, and 2 m/s² over 0.55 s, together 7.105 m. That of the
+    // receiver at rest is 1.005 m.
     let fast = |velocity| Report { since_arrival_ms: 500, ..GOOD }.stating(4_000, 4_000).flying(velocity);
     let still = GOOD.stating(1_000, 1_000);
     let horizontal = reach(still, fast([30_000, 40_000, 0]).moved(-0.55 * 30.0, -0.55 * 40.0));
     assert!((horizontal - 21.53).abs() < 0.03, "{horizontal}");
-    // At 50 m/s downwards the vertical accuracy has the same value.
+    // A receiver that moves at 50 m/s downwards has a vertical accuracy of 7.105 m, too.
     let vertical = climb(still, fast([0, 0, 50_000]).raised(0.55 * 50.0));
     assert!((vertical - 21.527).abs() < 0.01, "{vertical}");
     let upwards = climb(still, fast([0, 0, -50_000]).raised(-0.55 * 50.0));
@@ -267,7 +269,7 @@ fn a_receiver_that_drifts_away_never_takes_a_right_one_along() {
     assert_eq!(voter.vote(&[one, two, two].map(|report| report.input()), 10_000).excluded, 0b100);
 }
 
-/// Decision 15 states this limit of a majority vote.
+/// A majority vote cannot detect a majority that agrees on a wrong place (decision 15).
 #[test]
 fn two_that_agree_on_a_wrong_place_are_believed() {
     let wrong = GOOD.moved(10_000.0, 0.0);
@@ -278,7 +280,7 @@ fn two_that_agree_on_a_wrong_place_are_believed() {
 
 #[test]
 fn ties_go_to_the_last_pair_then_accuracy_then_lower_numbers() {
-    // Receiver 2 agrees with both others, which do not agree with each other.
+    // Receivers 1 and 3 are too far apart to agree, but receiver 2 agrees with both.
     let row = |accuracies: [u32; 3]| {
         let mut north = -4.0;
         accuracies.map(|mm| {
@@ -290,11 +292,11 @@ fn ties_go_to_the_last_pair_then_accuracy_then_lower_numbers() {
     assert_eq!(Voter::new().vote(&row([901, 1_000, 900]), 0).members, 0b110, "the more accurate");
     let mut voter = Voter::new();
     assert_eq!(voter.vote(&row([900, 1_000, 901]), 0).members, 0b011);
-    // Receiver 3 agrees with a member, so it may still take part; but the last result's members are kept.
+    // The members of the last result stay members. Receiver 3 agrees with one of them, so it is not excluded.
     let verdict = voter.vote(&row([901, 1_000, 900]), 10);
     assert_eq!((verdict.members, verdict.excluded), (0b011, 0));
 
-    // The last result had the members 2 and 3, since receiver 1 was silent.
+    // Receiver 1 was silent in the last vote, so that result had the members 2 and 3.
     let mut voter = Voter::new();
     let mut silent = row([900, 1_000, 901]);
     silent[0].valid = false;
@@ -305,14 +307,15 @@ fn ties_go_to_the_last_pair_then_accuracy_then_lower_numbers() {
 
 #[test]
 fn of_equal_triples_of_five_the_lowest_numbers_win() {
-    // The places are in a row in which any three neighbours agree: receivers 1 4 2 5 3, and mirrored.
+    // The places are in a row in which any three neighbours agree: receivers 1 4 2 5 3. The mirrored row is tested too.
     let at = |norths: [f64; 5]| norths.map(|north| GOOD.stating(1_000, 1_000).moved(north, 0.0));
     assert_eq!(once(at([0.0, 4.8, 9.6, 2.4, 7.2])).members, 0b01011, "1, 2 and 4, not 2, 4 and 5 or 2, 3 and 5");
     assert_eq!(once(at([9.6, 4.8, 0.0, 7.2, 2.4])).members, 0b01011, "1, 2 and 4 again");
     assert_eq!(once(at([4.8, 0.0, 9.6, 2.4, 7.2])).members, 0b01011, "1, 2 and 4 before 1, 3 and 5");
 }
 
-/// Votes with three receivers, the third wrong until `wrong_until`. Returns the tick from which it is not excluded.
+/// Votes with three receivers, of which the third is wrong until `wrong_until`. Returns the tick from which on the
+/// third is not excluded.
 fn returns(step: u32, wrong_until: u32, third: impl Fn(u32) -> Report, start: u32) -> Option<u32> {
     let mut voter = Voter::new();
     for at in (0..5_000).step_by(step as usize) {
@@ -329,7 +332,8 @@ fn returns(step: u32, wrong_until: u32, third: impl Fn(u32) -> Report, start: u3
 
 #[test]
 fn an_excluded_receiver_returns_after_agreeing_for_1000_ms() {
-    // The receiver agrees from 10 ms on; at 1010 ms it has agreed for 1000 ms, so it takes part at the next tick.
+    // The excluded receiver agrees from 10 ms on. At 1010 ms it has agreed for 1000 ms, so it takes part at the next
+    // tick.
     assert_eq!(returns(10, 10, |_| GOOD, 0), Some(1_020));
     assert_eq!(returns(10, 10, |_| GOOD, u32::MAX - 700), Some(1_020), "over the clock's wrap");
     assert_eq!(returns(1, 1, |_| GOOD, 0), Some(1_002), "not at 1000 ms, when it has agreed for 999");
@@ -350,7 +354,8 @@ fn who_was_excluded_before_a_restart_returns_after_agreeing_for_1000_ms() {
     let excluded = (0..2_000).step_by(10).map(|at| voter.vote(&[GOOD; 3].map(|report| report.input()), at).excluded);
     assert_eq!(excluded.take_while(|excluded| *excluded == 0b100).count(), 101);
     assert_eq!(voter.excluded(), 0);
-    // A wrong receiver stays excluded, and has no vote while another receiver is missing.
+    // While another receiver is missing, a wrong receiver that was excluded before the restart stays excluded and has
+    // no vote.
     let mut voter = Voter::excluding(0b100);
     let verdict = voter.vote(&[GOOD, SILENT, GOOD.moved(200.0, 0.0)].map(|report| report.input()), 0);
     assert_eq!((verdict.members, verdict.excluded, voter.excluded()), (0, 0b100, 0b100));
@@ -382,7 +387,7 @@ fn without_a_result_an_excluded_receiver_must_agree_with_an_eligible_candidate()
     let verdict = vote([GOOD, SILENT, GOOD], 1_020);
     assert_eq!((verdict.members, verdict.excluded), (0b101, 0));
 
-    // Two eligible receivers disagree. The third must agree with one of them, which is enough.
+    // Two eligible receivers disagree. To return, the third only has to agree with one of them.
     for (third, returns) in [(GOOD, true), (far, true), (GOOD.moved(0.0, 900.0), false)] {
         let mut voter = Voter::new();
         let mut vote = |report: [Report; 3], now| voter.vote(&report.map(|report| report.input()), now);
@@ -393,7 +398,8 @@ fn without_a_result_an_excluded_receiver_must_agree_with_an_eligible_candidate()
         }
         assert_eq!(vote([GOOD, far, third], 1_020).position.is_some(), returns);
     }
-    // If no eligible receiver is left, an excluded receiver only has to be a candidate.
+    // If no eligible receiver is left, an excluded receiver returns without agreeing with any other, if it is a
+    // candidate.
     let mut voter = Voter::new();
     let mut vote = |report: [Report; 3], now| voter.vote(&report.map(|report| report.input()), now);
     assert_eq!(vote([GOOD, GOOD, far], 0).excluded, 0b100);
@@ -442,7 +448,7 @@ fn one_receivers_attitude_is_the_result_where_one_is_a_quorum() {
         assert_eq!(attitude([with_attitude(angles), SILENT]), angles);
         assert_eq!(attitude([GOOD, with_attitude(angles)]), angles);
     }
-    // The angles are moved by whole turns into range.
+    // Angles outside of a result's range are moved into it by whole turns.
     let [pitch, yaw, roll] = attitude([with_attitude([7.0, -0.5, 300.0]), GOOD]);
     assert!((pitch - (7.0 - TAU)).abs() < 1e-5 && (yaw - (TAU - 0.5)).abs() < 1e-5);
     assert!((roll - (300.0 - 48.0 * TAU)).abs() < 1e-3);
@@ -452,7 +458,7 @@ fn one_receivers_attitude_is_the_result_where_one_is_a_quorum() {
 fn attitude_is_the_median_on_the_circle() {
     let with = with_attitude;
     let attitude = |report: [Report; 3]| once(report).attitude.expect("an attitude");
-    // The angles lie across ±π, and across north.
+    // The angles to compare lie on both sides of ±π, and of north.
     let [pitch, yaw, roll] = attitude([with([0.2, 6.2, 3.12]), with([0.17, 0.08, -3.13]), with([0.24, 6.25, -3.1])]);
     assert!((pitch - 0.2).abs() < 1e-6 && (yaw - 6.25).abs() < 1e-6 && (roll + 3.13).abs() < 1e-6);
     let [_, yaw, roll] = attitude([GOOD, with([0.0, 6.22, 3.11]), with([0.0, 0.08, -3.11])]);
@@ -476,7 +482,7 @@ fn attitude_needs_a_quorum_of_members_that_have_one() {
             assert_eq!(has(&report), count >= least, "{count} of {receivers}");
         }
     }
-    // One receiver does not count for the quorum: it is no member, its value is not finite, or it has no value.
+    // One receiver does not count for the quorum, because it is no member, its value is not finite, or it has no value.
     assert!(!has(&[GOOD, with([1.0; 3]), with([1.0; 3]).moved(200.0, 0.0)]));
     assert!(!has(&[with([f32::NAN, 0.0, 0.0]), with([0.0; 3]), GOOD]));
     assert!(!has(&[with([0.0, f32::INFINITY, 0.0]), with([0.0; 3]), GOOD]));
@@ -505,12 +511,11 @@ fn attitudes_agree_within_5_10_and_5_degrees_on_the_circle() {
             assert_eq!(agree(off(180.0)), [false; 3], "axis {axis}");
         }
     }
-    // The yaw of the first receiver is in the middle of the others.
     assert!(once([degrees([0.0; 3]), degrees([0.0, 4.0, 0.0]), degrees([0.0, -4.0, 0.0])]).attitude.is_some());
     assert!(once([degrees([0.0; 3]), degrees([0.0, 6.0, 0.0]), degrees([0.0, -6.0, 0.0])]).attitude.is_none());
 }
 
-/// The rule about opposite yaws exists for this case, in which the mean would be 100°.
+/// Two yaws that are half a turn apart have no median: their mean would be 100°.
 #[test]
 fn yaw_10_and_190_degrees_of_two_receivers_is_none() {
     let yaw = |degrees: f32| with_attitude([0.0, degrees.to_radians(), 0.0]);
@@ -555,18 +560,18 @@ fn altitude(verdict: &Verdict) -> Option<f64> {
 #[test]
 fn an_altitude_needs_a_quorum_of_members_that_have_one() {
     let high = GOOD.raised(500.0);
-    // One receiver is a quorum of one receiver and of two.
+    // With one or two receivers, the quorum is one receiver.
     assert_eq!(altitude(&once([FLAT])), None);
     assert_eq!(altitude(&once([FLAT, high])), Some(1_012.345));
-    // Two receivers have a 2D fix, and the third is 500 m off.
+    // Two receivers have a 2D fix, so they state no altitude; the third is 500 m off in height.
     let verdict = once([FLAT, FLAT, high]);
     assert_eq!((verdict.members, altitude(&verdict), verdict.excluded), (0b111, None, 0));
-    // One receiver has a 2D fix, and the two others disagree: there are two pairs, and nobody can tell who is wrong.
+    // One receiver has a 2D fix, and the two others disagree in height: nobody can tell which of them is wrong.
     let verdict = once([GOOD, FLAT, high]);
     assert_eq!((verdict.agreeing(), altitude(&verdict), verdict.excluded), (2, None, 0));
     let verdict = once([GOOD.stating(1_400, 2_500), FLAT, high]);
     assert_eq!((verdict.members, altitude(&verdict)), (0b011, None), "whatever accuracies say");
-    // Two receivers agree in height, and the third contradicts them.
+    // Two receivers agree in height and the third contradicts them, so it is excluded.
     let verdict = once([GOOD, GOOD, high]);
     assert_eq!((verdict.members, altitude(&verdict), verdict.excluded), (0b011, Some(512.345), 0b100));
     assert_eq!(altitude(&once([GOOD, FLAT, GOOD])), Some(512.345));
@@ -582,7 +587,7 @@ fn who_contradicts_a_quorum_of_altitudes_is_excluded_beside_members_without_one(
     let high = GOOD.raised(500.0);
     let verdict = once([FLAT, GOOD, GOOD, GOOD, high]);
     assert_eq!((verdict.members, altitude(&verdict), verdict.excluded), (0b01111, Some(512.345), 0b10000));
-    // Two altitudes are no quorum of five, so nobody can tell which one is right.
+    // Only two of the five receivers' altitudes agree, which is no quorum. So nobody can tell which one is right.
     let verdict = once([FLAT, FLAT, GOOD, GOOD, high]);
     assert_eq!((verdict.members, altitude(&verdict), verdict.excluded), (0b01111, None, 0));
     // A receiver without an altitude contradicts no other. One that agrees with a member that has an altitude may still
@@ -595,7 +600,7 @@ fn who_contradicts_a_quorum_of_altitudes_is_excluded_beside_members_without_one(
     assert_eq!((verdict.members, verdict.excluded), (0b01111, 0));
 }
 
-/// A voter over three receivers that all send the same values, tick by tick.
+/// A voter over three receivers that send the same values at every tick.
 struct Flight {
     voter: Voter<3>,
     now: u32,
@@ -619,7 +624,7 @@ impl Flight {
         self.tick(report).position.is_some()
     }
 
-    /// Returns for how many ms no position is shown if all receivers send this report from now on.
+    /// Returns for how many ms no position is shown after a jump of all receivers to this report.
     fn withheld(&mut self, report: Report) -> u32 {
         (0..).find(|_| self.is_shown(report)).expect("some time it is") * 10
     }
@@ -639,7 +644,8 @@ fn a_jump_of_all_receivers_is_shown_after_1000_ms() {
     }
 }
 
-/// At 10 ms a step of the place may be 2 m longer than the accuracies allow; at rest these are 1.505 and 2.505 m.
+/// After 10 ms, a step of the place may be 2 m longer than the accuracies allow. At rest the accuracies are 1.505 and
+/// 2.505 m.
 #[test]
 fn a_step_beyond_speed_and_accuracies_is_a_jump() {
     let shown = |by: Report| Flight::begun(0).is_shown(by);
@@ -648,7 +654,7 @@ fn a_step_beyond_speed_and_accuracies_is_a_jump() {
     assert!(shown(GOOD.moved(0.0, 0.02 - reach)) && !shown(GOOD.moved(0.0, -0.02 - reach)));
     let (a, b) = (reach * 0.6, reach * 0.8);
     assert!(shown(GOOD.moved(a - 0.02, b - 0.02)) && !shown(GOOD.moved(a + 0.02, b + 0.02)));
-    // The test covers the least and the most that accuracies allow, and that the accuracies of both results count.
+    // The cases are the least and the greatest step that accuracies allow, and pairs in which the accuracies differ.
     let between = |one: u32, other: u32, by: f64| {
         let mut flight = Flight { voter: Voter::new(), now: 0 };
         assert!(flight.is_shown(GOOD.stating(one, 2_500)));
@@ -660,7 +666,8 @@ fn a_step_beyond_speed_and_accuracies_is_a_jump() {
         assert!(between(one, other, allowed + 1.98), "{one} {other}");
         assert!(!between(one, other, allowed + 2.03), "{one} {other}");
     }
-    // The limit grows with the time: after 1000 ms without a position it is 200 m and 6.4 m.
+    // The greatest step that counts as no jump grows with the time: after 1000 ms without a position it is 200 m and
+    // 6.4 m.
     for (by, expected) in [(206.3, true), (206.5, false)] {
         let mut flight = Flight::begun(0);
         flight.now = 1_000;
@@ -675,7 +682,7 @@ fn the_least_accurate_member_counts_for_a_jump() {
         let moved = |by: f64| {
             [0, 1, 2].map(|i| if i == worst { GOOD.stating(4_995, 2_500) } else { GOOD }.moved(by, 0.0).input())
         };
-        // The limit of the step is 3 √(1.505² + 5²) m and 2 m.
+        // The greatest step that counts as no jump is 3 √(1.505² + 5²) m and 2 m.
         assert!(flight.voter.clone().vote(&moved(17.64), 10).position.is_some());
         assert!(flight.voter.vote(&moved(17.69), 10).position.is_none());
     }
@@ -683,10 +690,10 @@ fn the_least_accurate_member_counts_for_a_jump() {
 
 #[test]
 fn a_jump_is_shown_once_it_could_have_been_flown() {
-    // The jump is 100 m: 6.4 m are allowed, the other metres at 200 m/s take 468 ms, and the first tick comes 10 ms
-    // after the last one.
+    // A jump of 100 m is held back for 460 ms: 6.4 m are allowed at once, the rest takes 468 ms at 200 m/s, and the
+    // first tick comes 10 ms after the last one.
     assert_eq!(Flight::begun(0).withheld(GOOD.moved(100.0, 0.0)), 460);
-    // When hours have passed since the last position, hardly any step is a jump.
+    // After hours without a position almost any step is possible, so it is no jump.
     let mut flight = Flight::begun(0);
     flight.now = 7_200_000;
     assert!(flight.is_shown(GOOD.moved(1_000_000.0, 0.0)));
@@ -703,7 +710,7 @@ fn what_is_held_back_must_continue_at_every_tick() {
     let mut flight = Flight::begun(0);
     (0..50).for_each(|_| assert!(!flight.is_shown(far)));
     assert_eq!(flight.withheld(farther), 1_000, "anew from a place that does not follow");
-    // The place may move on while the jump is held back.
+    // While a jump is held back, the new place may move on without restarting the second.
     let mut flight = Flight::begun(0);
     let moving = |tick: i32| GOOD.moved(2_000.0 + 1.5 * f64::from(tick), 0.0);
     assert_eq!((0..).position(|tick| flight.is_shown(moving(tick))), Some(100));
@@ -740,14 +747,15 @@ fn an_altitude_that_jumps_is_held_back_by_itself() {
         assert_eq!((verdict.members, altitude(&verdict)), (0b111, None));
     }
     assert_eq!(altitude(&flight.tick(high)), Some(1_012.345));
-    // The limit of the step in height is 3 √2 of 2.505 m, and 2 m.
+    // The greatest step in height that counts as no jump is 3 √2 of 2.505 m, and 2 m.
     let reach = 3.0 * 2.0_f64.sqrt() * 2.505 + 2.0;
     for sign in [1.0, -1.0] {
         for (by, shown) in [(reach - 0.01, true), (reach + 0.01, false)] {
             assert_eq!(altitude(&Flight::begun(0).tick(GOOD.raised(sign * by))).is_some(), shown, "{by}");
         }
     }
-    // After ticks without an altitude, the altitude shown last still counts, with the way that is possible since then.
+    // While ticks have no altitude, the altitude shown last stays the reference, and the step allowed from it grows
+    // with the time.
     let mut flight = Flight::begun(0);
     (0..10).for_each(|_| assert_eq!(altitude(&flight.tick(FLAT)), None));
     assert_eq!(altitude(&flight.tick(GOOD.raised(33.0))), None);
@@ -762,7 +770,8 @@ fn a_place_and_an_altitude_that_jump_together_are_shown_together() {
     (0..100).for_each(|_| assert!(!flight.is_shown(far)));
     let position = flight.tick(far).position.expect("it has held");
     assert_eq!(position.altitude, Some(912.345));
-    // An altitude that appears a second after the place jumped has not lasted for a second.
+    // The new place has lasted for a second when an altitude first appears there. The altitude itself must still last
+    // for a second.
     let mut flight = Flight::begun(0);
     let (flat, high) = (FLAT.moved(3_000.0, 0.0), GOOD.moved(3_000.0, 0.0).raised(900.0));
     (0..100).for_each(|_| assert!(!flight.is_shown(flat)));
@@ -799,8 +808,8 @@ fn places_far_apart_never_agree_not_even_opposite_ones() {
 #[test]
 fn a_flight_across_the_pole_or_180_degrees_is_extrapolated_correctly() {
     let mut report = GOOD;
-    // The receiver is 11.2 m before the pole at 8.7° and flies north at 100 m/s for 0.55 s: it is then 43.8 m beyond
-    // the pole, at -171.3°.
+    // The position is 11.2 m before the pole at 8.7°, flying north at 100 m/s, and 0.55 s old. At the tick the receiver
+    // is 43.8 m beyond the pole, at -171.3°.
     (report.stated.latitude_e7, report.stated.altitude_mm) = (899_999_000, None);
     let report = Report { since_arrival_ms: 500, ..report }.flying([100_000, 0, 0]);
     let (latitude, longitude) = place(&once([report]));
@@ -838,7 +847,7 @@ fn anything() -> impl Strategy<Value = Report> {
     )
 }
 
-/// Draws a report that is wrong in one field or in all of them, near or far.
+/// Draws a report that is wrong in one field or in all fields, by a little or by much.
 fn wrong() -> impl Strategy<Value = Report> {
     prop_oneof![
         anything(),
@@ -862,7 +871,8 @@ fn wrong() -> impl Strategy<Value = Report> {
 proptest! {
     #![proptest_config(seeded(4_000))]
 
-    /// The result lies between the right receivers, or as far from one of them as two that agree can be apart.
+    /// The result lies between the right receivers, or at most as far from one of them as two receivers that agree can
+    /// be apart.
     // Shows VOTE-8.
     #[test]
     fn one_wrong_receiver_of_three_moves_the_position_within_bounds(
@@ -881,7 +891,7 @@ proptest! {
             prop_assert!(off[0].min(off[1]) <= 30.01, "{:?} m off", off);
             let altitude = position.altitude.expect("two have one");
             prop_assert!((altitude - 512.345).abs() <= 50.01);
-            // While both right receivers are members, the result is between them.
+            // If both right receivers are members, the result lies between them.
             let others = 0b111 & !(1 << which);
             if verdict.members & others == others {
                 prop_assert!(off[0].max(off[1]) <= north + 0.02, "{:?} m off", off);

@@ -1,5 +1,5 @@
-//! Plays one tape (`tests/support/tape.rs`) to the flight controller's clients in Rust and in C. Their outputs must be
-//! equal. `tests/support/invariants.rs` has further assertions.
+//! Plays one tape (`tests/support/tape.rs`) to the flight controller's clients in Rust and in C. Both must write the
+//! same output. `tests/support/invariants.rs` says what else must hold.
 #![no_main]
 
 use std::ffi::c_void;
@@ -14,7 +14,7 @@ use support::{invariants, tape};
 type Sink = extern "C" fn(context: *mut c_void, text: *const u8, count: usize);
 
 unsafe extern "C" {
-    /// `profile/c/tests/tape.h`.
+    /// The player of tapes for the C client, as `profile/c/tests/tape.h` declares it.
     fn horus_dpr_play(tape: *const u8, count: usize, sink: Sink, context: *mut c_void);
 }
 

@@ -1,4 +1,4 @@
-//! See `tests/support/invariants.rs` for what is asserted.
+//! Fuzzes one parser of the crate. `tests/support/invariants.rs` says what must hold for every input.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -42,7 +42,7 @@ impl Answer {
         Uplink::verify::<W>(if W::INDEX == 0 { base_station.as_bytes() } else { flight_controller.as_bytes() })
     }
 
-    /// Sets the uplink of role `W`, or [`Uplink::EMPTY`] if there is none for the hold.
+    /// Sets the uplink of role `W`. [`Uplink::EMPTY`] means that there is none for the hold.
     pub fn set_uplink<W: WritesUplink>(&mut self, _writer: Writer<W>, uplink: Uplink) {
         let [base_station, flight_controller] = &mut self.uplinks;
         *(if W::INDEX == 0 { base_station } else { flight_controller }) = uplink;

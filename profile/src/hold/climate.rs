@@ -1,4 +1,5 @@
-//! This project's own hold: climate and vibration of a payload. It is an example that other makers replace.
+//! The contents of this project's own hold: climate and vibration of a payload. They are an example that other makers
+//! replace.
 use core::mem::offset_of;
 
 use bytemuck::{Pod, Zeroable};
@@ -47,7 +48,7 @@ impl Words for HoldCommand {
 }
 
 bit_set! {
-    /// Status of Hold-Status.
+    /// The status word of Hold-Status.
     HoldStatusBits, used 0x01FF;
     /// Bit 0: the values are valid. A value that is not known is still NaN.
     values_valid, with_values_valid = 0;
@@ -64,7 +65,7 @@ bit_set! {
 }
 
 impl HoldStatusBits {
-    /// Bits 6-8: the reason of the hold's last start; `None` for a reserved code.
+    /// Bits 6-8: the reason of the hold's last start; `None` for a code that has no meaning yet.
     #[must_use]
     pub const fn reset_reason(self) -> Option<ResetReason> {
         let [code, _] = (self.0 >> 6 & 0x07).to_le_bytes();
@@ -125,7 +126,7 @@ impl HoldValues {
     }
 }
 
-/// A Hold-Status object: 64 bytes. The last four are the frame CRC of the other 60.
+/// A Hold-Status object of 64 bytes. The last four bytes are the frame CRC of the other 60.
 ///
 /// | bytes | | bytes | |
 /// |---|---|---|---|

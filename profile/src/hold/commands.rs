@@ -17,7 +17,8 @@
 //! - A timestamp that is later than the writer's last one (by less than 2³¹ ms) is *fresh*.
 //! - The first timestamp after the hold's start, or one that is earlier than the writer's last, may belong to an old
 //!   uplink. A new command that comes with it waits for a later timestamp.
-//! - A timestamp that has been the same for more than 1 s is too old, and so is a new command that comes with it.
+//! - If a writer's timestamp has been the same for more than 1 s, it is too old, and so is a new command that comes
+//!   with it.
 //!
 //! The hold cannot tell how long the first uplink after a pause took to reach the DPR. The writer's own radio link must
 //! bound that delay.
@@ -78,7 +79,7 @@ pub enum Executed {
     Refused,
 }
 
-/// A writer's timestamp, with the instant at which the hold first received it.
+/// The timestamp of a writer's uplink, and the instant at which the hold first received it.
 #[derive(Clone, Copy, Debug)]
 struct Seen {
     timestamp: u32,
@@ -118,7 +119,7 @@ impl Memory {
         }
     }
 
-    /// Executes and acknowledges the command in `uplink` if its number is new. A command of unknown age waits.
+    /// Executes and acknowledges the command in `uplink` if its number is new. A command whose age is not known waits.
     fn take<C: Words>(&mut self, uplink: &Uplink, now_ms: u64, execute: impl FnOnce(C) -> Executed) {
         let age = self.age(uplink.timestamp(), now_ms);
         let command = WireCommand::of(&uplink.values().payload);
@@ -146,9 +147,9 @@ pub(super) const fn is_newer(number: u16, than: u16) -> bool {
 
 /// The rule by which a hold executes each command once at most, with its state.
 ///
-/// See docs/design.md#commands-to-the-hold for the rule: a command's number must be new and its writer's timestamp
-/// fresh. A command that comes with the first timestamp after the hold's start, or with an earlier one, waits for a
-/// later timestamp. One that comes with a timestamp older than [`COMMAND_AGE_MS`] is acknowledged as too old.
+/// The rule is in docs/design.md#commands-to-the-hold: a command's number must be new and its writer's timestamp fresh.
+/// A command that comes with the first timestamp after the hold's start, or with an earlier one, waits for a later
+/// timestamp. One that comes with a timestamp older than [`COMMAND_AGE_MS`] is acknowledged as too old.
 ///
 /// ```
 /// use profile::criticality::{BaseStation, Writer};
@@ -189,7 +190,7 @@ pub struct Commands {
 }
 
 impl Commands {
-    /// The state of a hold after power-on: no command was acknowledged.
+    /// The state after power-on of a hold that has acknowledged no command.
     #[must_use]
     pub fn new() -> Self {
         Self::default()

@@ -2,14 +2,14 @@
 use super::{EXPIRY_MS, HoldObject};
 use crate::{PortStatusBits, Rejection};
 
-/// The DPR's state about the hold's frames.
+/// What the DPR keeps about the frames of the hold.
 ///
-/// A frame is accepted if it is an intact [object of a hold](HoldObject::verify) with another timestamp than the last
-/// accepted object. So a hold that hangs and repeats its object does not seem alive. The last object is shown for
-/// [`EXPIRY_MS`]; then its bytes in the [map](crate::map) are 0x00, as at the DPR's start.
+/// A frame is accepted if it is an intact [object of a hold](HoldObject::verify) and its timestamp differs from that of
+/// the last accepted object. So a hold that hangs and repeats its object does not seem alive. The last object is shown
+/// for [`EXPIRY_MS`]. After that its bytes in the [map](crate::map) are 0x00, as at the DPR's start.
 #[derive(Clone, Debug, Default)]
 pub struct Intake {
-    /// The timestamp of the last accepted object, and the instant at which its frame ended, µs.
+    /// The timestamp of the last accepted object of the hold, and the instant at which its frame ended, µs.
     accepted: Option<(u32, u64)>,
     /// The instant at which the hold's last frame ended, µs, whether it was accepted or not.
     heard_us: Option<u64>,
@@ -112,7 +112,7 @@ mod tests {
         }
         assert!(!intake.is_shown(300_000));
         assert_eq!(bits(&intake, 300_000), (true, false, 1, 3));
-        // A hold that has restarted counts from 0 again, so an earlier timestamp is accepted.
+        // An earlier timestamp than the last one is accepted, because a hold that has restarted counts from 0 again.
         assert!(intake.receive(object(0).as_bytes(), 400_000).is_ok());
         assert!(intake.is_shown(400_000));
         assert_eq!(bits(&intake, 400_000), (true, true, 2, 3));

@@ -1,6 +1,6 @@
 //! The active hold: the second, non-critical function on the same DPR (paper, sections 1 and 2.1; Table 1).
 //!
-//! A payload unit with its own microcontroller sends one object, [Hold-Status](HoldStatus), in each
+//! The hold is a payload unit with its own microcontroller. It sends one object, [Hold-Status](HoldStatus), in each
 //! [period](PERIOD_MS). It gets at most one [`Answer`]: the [uplinks](crate::Uplink) in which base station and flight
 //! controller command it. The DPR puts Hold-Status into the [map](crate::map), behind both uplinks. HORUS's function
 //! does not depend on the hold (docs/design.md#active-hold).
@@ -71,6 +71,7 @@ pub const EXCHANGE_NS: u64 = FRAME_NS + 1_000 * ANSWER_WINDOW_US as u64 + ANSWER
 const _: () = {
     assert!(HoldObject::SIZE == 64 && Answer::SIZE == 128);
     assert!(Answer::SIZE <= air::MAX_PAYLOAD);
-    // The hold needs the remaining nine tenths of a period for its own work and for a deviating clock.
+    // An exchange takes at most a tenth of a period. The hold needs the rest for its own work, and for a deviating
+    // clock.
     assert!(EXCHANGE_NS <= 1_000_000 * PERIOD_MS as u64 / 10);
 };

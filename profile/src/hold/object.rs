@@ -1,4 +1,4 @@
-//! The object that a hold sends, in the layout that is the same for every maker.
+//! The object that a hold sends. Its layout is the same for every maker.
 use core::mem::offset_of;
 
 use bytemuck::{Pod, Zeroable};
@@ -21,7 +21,7 @@ pub enum Outcome {
     Refused,
     /// The command's word is unknown, or its reserved bytes are not zero.
     Unknown,
-    /// The uplink that carries the command had the same timestamp for more than
+    /// The uplink that carried the command was too old: it had the same timestamp for more than
     /// [`COMMAND_AGE_MS`](super::COMMAND_AGE_MS).
     TooOld,
 }
@@ -116,7 +116,7 @@ pub struct HoldObjectValues {
     pub more: [u8; HoldObject::MORE],
 }
 
-/// The object of a hold of any maker: 64 bytes. The last four are the frame CRC of the other 60.
+/// The object of any maker's hold, 64 bytes. The last four bytes are the frame CRC of the other 60.
 ///
 /// The DPR and the [`Sender`](super::Sender) of commands read only the fields that are the same for every maker:
 ///

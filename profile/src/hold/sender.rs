@@ -31,7 +31,7 @@ pub enum Sent {
 pub struct Sender<W> {
     sent: Sent,
     command: [u8; COMMAND_SIZE],
-    /// The timestamp of the last object of the hold, and the number that it acknowledged.
+    /// The timestamp of the hold's last object, and the number of the command that it acknowledged.
     hold: Option<(u32, u16)>,
     number: Option<u16>,
     writer: PhantomData<W>,
@@ -44,8 +44,8 @@ impl<W: WritesUplink> Sender<W> {
         Self { sent: Sent::Nothing, command: [0; COMMAND_SIZE], hold: None, number: None, writer: PhantomData }
     }
 
-    /// Reads the acknowledgement in an object of the hold. A waiting command is lost if the hold has restarted, or has
-    /// acknowledged a later command.
+    /// Reads the acknowledgement in an object of the hold. The command that waits is lost if the hold has restarted, or
+    /// has acknowledged a later command.
     pub fn observe(&mut self, object: &HoldObject) {
         let acknowledged = object.acknowledged::<W>();
         let behind = self.hold.map_or(0, |(before, _)| before.wrapping_sub(object.timestamp()));
@@ -73,14 +73,14 @@ impl<W: WritesUplink> Sender<W> {
         Some(number)
     }
 
-    /// Stops sending the waiting command, which is then lost.
+    /// Stops sending the command that waits. The command is then lost.
     pub const fn give_up(&mut self) {
         if let Sent::Waiting(number) = self.sent {
             self.sent = Sent::Lost(number);
         }
     }
 
-    /// Puts the waiting command, or zeros if there is none, at the beginning of an uplink's payload.
+    /// Puts the command that waits, or zeros if there is none, at the beginning of an uplink's payload.
     pub fn fill(&self, payload: &mut [u8; Uplink::PAYLOAD]) {
         let (place, _) = payload.split_at_mut(COMMAND_SIZE);
         let waiting = matches!(self.sent, Sent::Waiting(_));

@@ -58,7 +58,7 @@ pub mod client;
 /// The size of a request, bytes.
 pub const REQUEST_SIZE: usize = 8;
 
-/// Bounds of the wire. The [module's](self) section "Timing" has their sources.
+/// Bounds of the signals on the SSI. The [module's](self) section "Timing" has their sources.
 pub mod timing {
     /// The highest SCK frequency, Hz.
     pub const MAX_CLOCK_HZ: u32 = 8_000_000;
@@ -68,9 +68,9 @@ pub mod timing {
     pub const CSN_HOLD_NS: u32 = 2_000;
     /// The shortest time for which CSN must be high so that the next transaction is answered, ns.
     pub const GAP_NS: u32 = 10_000;
-    /// The shortest time from the end of one transaction to the end of the next so that the one after both is answered,
-    /// ns. It is the time of a transaction of 96 bytes at [`MAX_CLOCK_HZ`] with the gap before it, so a flight
-    /// controller that reads at least 96 bytes always keeps it.
+    /// The shortest time between the ends of two transactions, ns, so that the transaction after both is answered. It
+    /// is the time of a transaction of 96 bytes at [`MAX_CLOCK_HZ`] with the gap before it. So a flight controller that
+    /// reads at least 96 bytes always keeps it.
     pub const SPACING_NS: u32 = GAP_NS + CSN_SETUP_NS + 96 * 8 * (1_000_000_000 / MAX_CLOCK_HZ) + CSN_HOLD_NS;
     /// The longest time from the SCK edge that shifts a bit out to that bit on MISO, ns.
     pub const MISO_VALID_NS: u32 = 19;
@@ -99,7 +99,7 @@ pub mod timing {
     }
 }
 
-/// The window of the map that the next transaction reads.
+/// The window of the map that the next transaction shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Request {
     /// The offset of the window's first byte in the map.

@@ -45,9 +45,9 @@ pub(crate) fn compile(arguments: &[&str]) {
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Build {
-    /// The program has the options of a flight controller's firmware.
+    /// The player is compiled with the options of a flight controller's firmware.
     Optimised,
-    /// The program has AddressSanitizer and UndefinedBehaviorSanitizer, whose first finding ends it.
+    /// The player is compiled with AddressSanitizer and UndefinedBehaviorSanitizer. Their first finding ends it.
     Sanitised,
 }
 

@@ -16,7 +16,7 @@ use super::support::tape::{NO_FRESH, Tape, play};
 use super::support::{invariants, reference, seeds};
 use super::{assert_same, recordings};
 
-/// The random generator xorshift64*, which gives the same numbers on every machine.
+/// The random generator xorshift64*. It gives the same numbers on every machine.
 struct Random(u64);
 
 impl Random {
@@ -239,8 +239,8 @@ impl Drawn {
         [link.as_bytes().as_slice(), profile.as_bytes(), area.as_bytes(), &hold].concat()
     }
 
-    /// Returns the hold's bytes in the map: mostly an object that follows the last one, with a number near the last
-    /// acknowledged one.
+    /// Returns the hold's bytes in the map. Mostly they are an object that follows the last one, with a command's
+    /// number near the last acknowledged one.
     fn hold(&mut self) -> Vec<u8> {
         self.hold_timestamp = match self.random.below(40) {
             0 => self.number(),
@@ -275,7 +275,7 @@ impl Drawn {
             1 => bytes.fill(0xFF),
             2 => bytes[46..].fill(5),
             3 => {
-                // The object gets another identifier, outcome or undefined bit, and a right CRC afterwards.
+                // The hold's object gets another identifier, outcome or undefined bit, and then a right CRC.
                 let at = self.pick(&[4, 5, 7, 50]);
                 bytes[at] ^= 1 << self.random.below(8);
                 reference::repair_frame_crc(&mut bytes);
@@ -305,7 +305,7 @@ impl Drawn {
             }
             5 => miso.resize(miso.len() + self.random.below(40), 0xFF),
             6 if miso.len() >= 96 => {
-                // The object keeps a right frame CRC, but gets another identifier or a wrong position CRC.
+                // The object gets another identifier or a wrong position CRC, and then a right frame CRC.
                 let at = self.pick(&[36, 40, 50, 57, 4, 5]);
                 miso[at] ^= 1 << self.random.below(8);
                 let object = if at < 32 { 0..32 } else { 32..96 };
@@ -336,7 +336,8 @@ fn two_hundred_thousand_random_transactions_are_the_same_to_both_clients() {
             invariants::report(&told);
             seen[usize::from(told.report.verdict as u8)] += 1;
         });
-        // Counts how often Hold-Status was absent, old or valid, and in which states the last command was.
+        // Lines of the output are counted: how often Hold-Status was absent, old or valid, and in which states the last
+        // command was.
         for line in said.lines().filter(|line| line.starts_with("hold ") && line.contains(" age=")) {
             let (shown, sent) = (&line[..6], line.split_once(" sent ").expect("a report").1);
             *holds.entry(shown.to_owned()).or_default() += 1;

@@ -1,4 +1,4 @@
-//! Tests `docs/flight-controller.md`: its code compiles, and its numbers are those of the code.
+//! Tests `docs/flight-controller.md`: the code on this page compiles, and the page's numbers are those of the code.
 use std::fs;
 use std::path::Path;
 
@@ -55,7 +55,7 @@ fn the_module_for_px4_compiles_against_what_it_uses_of_each_release() {
     let module = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/px4/src/drivers/horus_dpr/HorusDpr.cpp");
     let text = fs::read_to_string(&module).expect("the module");
     for (release, own_message) in [("115", false), ("116", false), ("118", true)] {
-        // These headers are empty, because one file declares everything that the code uses.
+        // These headers are empty, because one other file declares everything that the autopilot's code uses.
         let headers = scratch(&format!("px4-{release}"));
         let _ = fs::remove_dir_all(&headers);
         for line in text.lines().filter_map(|line| line.strip_prefix("#include <")) {

@@ -26,11 +26,11 @@ pub(crate) enum Event {
     Busy,
     /// One bit of MISO is wrong.
     Flip(usize),
-    /// MISO has this value throughout; the DPR receives what is sent.
+    /// MISO has this value throughout, but the DPR receives what the flight controller sends.
     Line(u8),
-    /// The flight controller clocks only this number of bytes.
+    /// The flight controller clocks fewer bytes: only this number.
     Cut(usize),
-    /// This number of bytes at the beginning is from the previous image.
+    /// The first bytes of the answer, as many as this value says, come from the previous image.
     Torn(usize),
     /// The bytes of MISO are shifted by one bit, as after an extra clock edge.
     Slipped,
@@ -295,7 +295,8 @@ fn busy_while_asking() -> Tape {
     let mut world = started::<3>(|world| world.port = port(false));
     world.ask(96, 60);
     world.write(Uplink::seal(Writer::<BaseStation>::claim(), &UplinkValues::default()).as_bytes());
-    // A busy DPR loses the request, which the client must send again. Later a busy DPR must keep the requested window.
+    // A busy DPR loses the client's request, so the client must repeat it. A DPR that is busy later must not make the
+    // client lose the requested window.
     for event in [Event::Busy, Event::Busy, Event::Good, Event::Busy, Event::Busy, Event::Good, Event::Good] {
         world.read(event);
         world.tape.view();
@@ -323,7 +324,7 @@ fn writing() -> Tape {
     world.read(Event::Busy);
     world.write(sealed.as_bytes());
     world.good(2);
-    // The client must refuse an object that the DPR would refuse.
+    // The client must refuse to send an object that the DPR would refuse.
     let mut damaged = *command.as_bytes();
     damaged[20] ^= 1;
     world.write(&damaged);
@@ -379,7 +380,8 @@ fn silent() -> Tape {
 fn clocks() -> Tape {
     let mut world = started::<3>(|world| world.fresh_is_wired = true);
     world.good(4);
-    // The flight controller makes no transaction for a while: first within the allowed missed cycles, then for longer.
+    // The flight controller makes no transactions for a while: first for fewer cycles than may be missed, then for
+    // longer.
     world.now_us += 200_000;
     world.good(3);
     world.now_us += 300_000;
@@ -391,13 +393,13 @@ fn clocks() -> Tape {
     world.tape
 }
 
-/// Records that an intact object in a requested window shows that the DPR is not silent, and that other bytes do not.
+/// Records that an intact object in a requested window shows that the DPR answers, and that other bytes do not.
 fn windows_and_silence() -> Tape {
     let mut world = started::<3>(|world| world.port = port(true));
     let layout = Layout::for_receivers(3).expect("a profile");
     let mut places: Vec<_> = (0..=3).filter_map(|index| layout.in_image(index)).collect();
     places.extend([layout.port_status(), layout.uplink::<BaseStation>(), layout.uplink::<FlightController>()]);
-    // The first window has Link-Status without Reported-Position. The second has no whole object.
+    // Two more windows are requested: Link-Status without Reported-Position, and a range without any whole object.
     places.extend([0..32, 33..95]);
     for place in places {
         for _ in 0..10 {
@@ -426,7 +428,7 @@ fn limits() -> Tape {
     for shown in [&map, &map, &next] {
         world.tape.transaction(world.now_us, NO_FRESH, &shown[..96]);
     }
-    // The line FRESH is broken, so its last edge was long ago.
+    // The line FRESH breaks here, so its last edge is long ago.
     for n in 32..40 {
         world.now_us += CYCLE_US;
         let map = world.map(n);

@@ -217,7 +217,7 @@ fn seals_the_same(again: &[u8], bytes: &[u8], used: u16) {
     assert_eq!(again, expected);
 }
 
-/// Returns `bytes` with one bit inverted, which `bytes` themselves select.
+/// Returns `bytes` with one bit inverted. The value of `bytes` determines which.
 fn with_a_flipped_bit(bytes: &[u8]) -> Vec<u8> {
     let chosen = bytes.iter().fold(0_usize, |sum, byte| sum * 31 % 65_521 + usize::from(*byte));
     reference::flipped(bytes, [chosen % (8 * bytes.len())])
@@ -277,7 +277,7 @@ fn air_frame_of<const N: usize>(input: &[u8]) {
         }
     }
 
-    // With right CRCs every object is accepted, and the profile in the image splits into the same frame again.
+    // Once their CRCs are right, all objects are accepted, and the profile in the image gives the same frame again.
     let mut payload = input.to_vec();
     for index in first..first + count {
         let object = reference::places(N)[index].clone();
@@ -397,8 +397,8 @@ pub(crate) fn hold(input: &[u8]) {
     }
     let mut commands = Commands::new();
     let mut now_ms = 0;
-    // A step has 129 bytes: the time since the step before and an answer. If the lowest bit of the time is set, the
-    // answer's uplinks get right identifiers and CRCs.
+    // A step of the input has 129 bytes: the time since the step before, and an answer. If the lowest bit of the time
+    // is set, the answer's uplinks get right identifiers and CRCs.
     for step in input.as_chunks::<{ 1 + Answer::SIZE }>().0 {
         now_ms += u64::from(step[0] >> 1) * 16;
         let mut bytes = step[1..].to_vec();

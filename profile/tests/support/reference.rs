@@ -25,7 +25,7 @@ fn seals(polynomial: u32, bytes: &[u8], at: usize) -> bool {
     bytes[at..at + 4] == crc(polynomial, &bytes[..at]).to_be_bytes()
 }
 
-/// The reason why `bytes` are not an object of this size and identifier; `None` if they are.
+/// Returns the reason why `bytes` are not an object of this size and identifier; `None` if they are.
 pub(crate) fn object(bytes: &[u8], size: usize, identifier: u16) -> Option<Rejection> {
     if bytes.len() != size {
         Some(Rejection::Length)
@@ -40,7 +40,7 @@ pub(crate) fn object(bytes: &[u8], size: usize, identifier: u16) -> Option<Rejec
     }
 }
 
-/// The reason why `bytes` are not object number `index` of a profile; `None` if they are.
+/// Returns the reason why `bytes` are not object number `index` of a profile; `None` if they are.
 pub(crate) fn object_of_profile(bytes: &[u8], index: usize) -> Option<Rejection> {
     let size = if index == 0 { 64 } else { 60 };
     object(bytes, size, 0x4800 + u16::try_from(index).unwrap())
@@ -63,7 +63,7 @@ pub(crate) fn repair_frame_crc(bytes: &mut [u8]) {
     bytes[at..].copy_from_slice(&frame.to_be_bytes());
 }
 
-/// Returns `bytes` with these bits inverted. Bit 0 is the first on the air: the most significant bit of byte 0.
+/// Returns `bytes` with these bits inverted. Bit 0 is sent first: it is the most significant bit of byte 0.
 pub(crate) fn flipped(bytes: &[u8], bits: impl IntoIterator<Item = usize>) -> Vec<u8> {
     let mut damaged = bytes.to_vec();
     for bit in bits {

@@ -32,10 +32,10 @@ use profile::{
 
 const MAX_MISO: usize = 1024;
 
-/// The bit in the number of receivers that stands for a hold.
+/// In the byte with the number of receivers, this bit says that there is a hold.
 const WITH_HOLD: u8 = 0x80;
 
-/// The instant of FRESH if that line is not wired. It is in the future, so the client ignores it.
+/// The instant of FRESH where that line is not wired. It lies in the future, so the client ignores it.
 pub(crate) const NO_FRESH: u64 = u64::MAX;
 
 #[derive(Clone, Debug, Default)]
@@ -120,7 +120,7 @@ fn code<T>(result: Result<T, Rejection>) -> u8 {
     }
 }
 
-/// The number in C for what is shown of an object, and the object if it is intact.
+/// Returns the number by which C tells what was read of an object, and the object if it is intact.
 fn shown<T>(shown: Option<Shown<T>>) -> (u8, Option<T>) {
     match shown {
         None => (code::<()>(Err(Rejection::Length)), None),
@@ -262,7 +262,7 @@ pub(crate) struct TransactionData<'a> {
     pub(crate) report: &'a Report,
 }
 
-/// Plays a tape to the Rust client and returns its output. `told` is called with each transaction.
+/// Plays a tape to the Rust client, and returns the client's output. `told` is called with each transaction.
 pub(crate) fn play(tape: &[u8], mut told: impl FnMut(TransactionData<'_>)) -> String {
     let mut rest = Rest(tape);
     let mut client = Client::new(Config::new(Layout::for_receivers(3).expect("three receivers"))).expect("a client");

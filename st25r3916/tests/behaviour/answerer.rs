@@ -37,7 +37,7 @@ fn receive(rig: &mut Rig, answerer: &mut Answerer) {
     assert_eq!(rig.buffer[1..=64], payload);
 }
 
-/// Prepares an answer with these bytes. Returns the event that follows.
+/// Prepares an answer with this payload to the frame that was delivered. Returns the event that follows.
 fn prepare(rig: &mut Rig, answerer: &mut Answerer, payload: &[u8]) -> AnswererEvent {
     rig.payload = payload.to_vec();
     let step = answerer.answer(payload.len()).expect("a frame was delivered");
@@ -100,11 +100,12 @@ fn a_frame_is_answered_by_these_transfers() {
         assert_eq!(rig.chip.sent.last().map(|(_, sent)| &sent[..]), Some(&payload[..]));
         let log = rig.log();
         let lengths: Vec<usize> = log.iter().map(|entry| entry.len().div_ceil(3)).collect();
-        // The transfers are: clear, length, status and head; then the command, the rest and the status.
+        // An answer takes these transfers: clear, length, status and head, then the command, the rest and the status.
         assert_eq!(lengths, [1, 3, 8, 17, 1, 113, 8]);
         assert_eq!((&log[0][..], &log[1][..], &log[4][..]), ("DB", "22 04 00", "C4"));
         receive(&mut rig, &mut answerer);
-        // The transfers are the status, the unmasking and one setting. The FIFO is empty, so no clear is among them.
+        // After an answer the FIFO is empty, so the transfers are the status, the unmasking and one setting, without a
+        // clear.
         assert_eq!(rig.log()[..2], ["59 00 00 00 00 00 00 00", "D1"]);
         let counters = answerer.counters();
         assert_eq!(
@@ -158,7 +159,7 @@ fn an_answer_whose_instant_has_passed_is_given_up() {
     assert_eq!(prepare(&mut rig, &mut answerer, &[1; 128]), AnswererEvent::Loaded);
     rig.log();
     receive(&mut rig, &mut answerer);
-    // The transfers are the status, the clear and the unmasking: the clear removes the answer's head from the FIFO.
+    // The clear removes the first bytes of the answer that was given up. It comes between the status and the unmasking.
     assert_eq!(rig.log()[..3], ["59 00 00 00 00 00 00 00", "DB", "D1"]);
     assert!(rig.chip.sent.is_empty());
     works_again(&mut rig, &mut answerer);
@@ -205,7 +206,7 @@ fn a_late_executor_finds_the_next_frame_behind_its_answer() {
     let (mut rig, mut answerer) = listening(Chip::new(Variant::B));
     receive(&mut rig, &mut answerer);
     assert_eq!(prepare(&mut rig, &mut answerer, &[1; 16]), AnswererEvent::Loaded);
-    // The 216 bits of the answer take 509 µs. Then this chip opens its receiver by itself.
+    // The 216 bits of the answer take 509 µs. Afterwards the model of the chip opens its receiver by itself.
     let end = rig.chip.now + 3 + 509;
     rig.chip.frame(end + 300, &[9; 64]);
     rig.chip.at(end + 200, Happening::Unmask);
@@ -288,7 +289,7 @@ fn a_fault_during_an_answer_leads_to_a_bring_up() {
                     step => step,
                 };
             };
-            // The next read of the status shows a reset. The chip has then taken none of the loaded bytes.
+            // The next read of the status shows that the chip was reset and has taken none of the loaded bytes.
             assert_eq!(event, AnswererEvent::Fault(fault), "step {at}");
             rig.chip.miso = Miso::Driven;
             rig.chip.misuse.clear();

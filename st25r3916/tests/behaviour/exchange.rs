@@ -73,7 +73,7 @@ fn bring_up_sets_the_receiver_for_answers_and_masks_it() {
             assert_eq!(settings.iter().filter(|other| *other == entry).count(), 1, "{entry}");
         }
         assert_eq!(settings[settings.len() - 3..], ["02 C8", "D0", "42 00 00 00"], "{variant:?}");
-        // Each setting is written and read back, IO and regulator control included. Three other transfers follow.
+        // Each setting, IO and regulator control included, is written and read back. Three other transfers follow.
         assert_eq!(settings.len(), number + 5, "{variant:?}: {settings:?}");
         assert!(!rig.chip.unmasked);
     }
@@ -89,8 +89,8 @@ fn an_exchange_is_these_transfers() {
         assert_eq!(machine.state(), ExchangeState::Over);
         let log = rig.log();
         let lengths: Vec<usize> = log.iter().map(|entry| entry.len().div_ceil(3)).collect();
-        // The transfers are: clear, length, status and head; the command, the rest and the status; the unmasking, two
-        // reads of the status, LEN and payload, the masking, the gain and the status.
+        // An exchange takes these transfers: clear, length, status and head; the command, the rest and the status; the
+        // unmasking, two reads of the status, LEN and payload, the masking, the gain and the status.
         assert_eq!(lengths, [1, 3, 8, 17, 1, 49, 8, 1, 8, 8, 130, 1, 1, 8]);
         assert_eq!([&log[4], &log[7], &log[11], &log[12]], ["C4", "D1", "D0", "D5"]);
         assert_eq!(rig.buffer[..=128], [&[129][..], &payload].concat());
@@ -203,7 +203,8 @@ fn a_damaged_answer_is_delivered_with_its_flags() {
 
 #[test]
 fn a_second_answer_is_never_mixed_with_the_first() {
-    // The second answer begins within the first, while the first is read, while the receiver is being masked, or later.
+    // The second answer begins within the first one, while the first one is read, while the receiver is masked, or
+    // later.
     let (mut whole, mut overrun) = (0, 0);
     for gap in (10..2_900).step_by(7) {
         let (mut rig, mut machine) = ready(Chip { end_masks_receiver: false, ..Chip::new(Variant::B) });
@@ -218,14 +219,14 @@ fn a_second_answer_is_never_mixed_with_the_first() {
                 assert_eq!(rig.buffer[1..=128], [1; 128], "{gap}");
                 whole += 1;
             }
-            // If the second answer begins during the status read at the end of the first, the first is reported as too
+            // A second answer that begins during the status read at the first answer's end makes the first one seem too
             // short.
             event => {
                 assert!([OVERRUN, ExchangeEvent::NoAnswer(NoAnswer::Dropped(Dropped::Runt))].contains(&event), "{gap}");
                 overrun += u32::from(event == OVERRUN);
             }
         }
-        // A sync during the read may have emptied the FIFO, which the stand-in counts as misuse.
+        // A sync during the read of the answer empties the FIFO, which the stand-in counts as misuse by the driver.
         rig.chip.misuse.clear();
         works_again(&mut rig, &mut machine);
     }
@@ -236,7 +237,7 @@ fn a_second_answer_is_never_mixed_with_the_first() {
 fn a_late_executor_finds_the_answer_begun_or_over_and_receives_it() {
     for lateness in [100, 400, 900, 2_000, 3_500] {
         for variant in VARIANTS {
-            // The transmit command of this chip opens the receiver.
+            // The model of the chip opens its receiver at the transmit command, although the driver has masked it.
             let (mut rig, mut machine) = ready(Chip::new(variant));
             load(&mut rig, &mut machine);
             rig.chip.unmasked = true;
@@ -270,7 +271,7 @@ fn a_frame_without_its_transmit_interrupt_is_followed_by_its_window() {
 
 #[test]
 fn faults_within_the_window_are_told_and_recovered_from() {
-    // `at` is the step of the exchange at which the fault occurs, counted from the transmit command.
+    // The fault occurs at step `at` of the exchange, counted from the transmit command.
     for at in 3..12 {
         for (fault, break_it) in [
             (Fault::Bus, (|rig: &mut Rig| rig.chip.miso = Miso::StuckHigh) as fn(&mut Rig)),
@@ -296,7 +297,8 @@ fn faults_within_the_window_are_told_and_recovered_from() {
             assert_eq!(event, ExchangeEvent::Fault(fault), "step {at}");
             assert_eq!((machine.state(), machine.poller_state()), (ExchangeState::Polling, PollerState::Faulted));
             rig.chip.miso = Miso::Driven;
-            // The driver has read an answer from a chip without an oscillator, which the stand-in counts as misuse.
+            // The driver has read an answer after the chip's oscillator had stopped, which the stand-in counts as
+            // misuse.
             rig.chip.misuse.clear();
             works_again(&mut rig, &mut machine);
         }
@@ -369,7 +371,7 @@ fn a_frame_is_prepared_only_between_exchanges() {
     load(&mut rig, &mut machine);
     assert!(!machine.is_ready());
     assert_eq!(machine.prepare(64), Err(SendError::NotReady));
-    // The loaded frame may be given up, too.
+    // The owner may also give up a frame that is already loaded.
     assert_eq!(rig.run(&mut machine, Step::Event(ExchangeEvent::Loaded)), ExchangeEvent::Ready);
     assert!(machine.is_ready() && rig.chip.sent.is_empty());
     load(&mut rig, &mut machine);
@@ -390,7 +392,7 @@ fn an_answer_before_the_receiver_opens_is_not_received() {
 #[test]
 fn signals_outside_the_window_do_not_touch_the_frame() {
     let (mut rig, mut machine) = ready(Chip::new(Variant::B));
-    // One foreign answer comes while the frame is being loaded, another one between the exchanges.
+    // An answer of another device comes while the frame is being loaded, and another one between the exchanges.
     rig.chip.at(rig.chip.now + 20, Happening::Sync);
     load(&mut rig, &mut machine);
     rig.chip.at(rig.chip.now, Happening::Sync);
@@ -435,8 +437,8 @@ fn load_and_fire(rig: &mut Rig, machine: &mut Exchange) -> bool {
 
 #[test]
 fn the_steps_to_the_transmit_command_are_always_the_same() {
-    // Steps and bytes are recorded from the preparation to the transmit command: after silence, after an answer, after
-    // a damaged answer and after an endless one.
+    // The steps and bytes from the preparation to the transmit command are recorded after four kinds of exchanges:
+    // after silence, a good answer, a damaged answer and an endless one.
     let mut ways = vec![];
     for kind in 0..4 {
         let (mut rig, mut machine) = ready(Chip::new(Variant::B));

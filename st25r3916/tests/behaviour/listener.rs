@@ -25,7 +25,8 @@ fn payload(len: usize, seed: usize) -> Vec<u8> {
     (0..len).map(|index| (index * 31 + seed * 7 + 3) as u8).collect()
 }
 
-/// Sends a frame 1 ms from now and checks that it is received whole. A report of the field may come before it.
+/// Sends a frame 1 ms from now, and checks that the listener delivers it whole. The listener may report the field
+/// first.
 fn hears(rig: &mut Rig, listener: &mut Listener, len: usize) {
     let bytes = payload(len, len);
     rig.chip.frame(rig.chip.now + 1_000, &bytes);
@@ -160,7 +161,7 @@ fn a_listener_has_the_receive_chain_of_nfc_f() {
 
 #[test]
 fn the_receiver_goes_on_only_after_every_register_was_read_back() {
-    // Each row has the space and the address of a register, and a bit that the chip stores inverted there.
+    // Each row names a register, by space and address, and one of its bits, which the chip stores inverted.
     let registers = [
         (0, 0x00, 0x80),
         (0, 0x01, 0x20),
@@ -257,7 +258,7 @@ fn a_listener_tells_its_state() {
             ListenerState::Listening,
         ]
     );
-    // When the supervision interval is over, the chip is checked; a transfer that fails then leads to a fault.
+    // After the supervision interval the listener checks the chip. A failed transfer of the check leads to a fault.
     assert_eq!(rig.listener_within(&mut listener, 1), None);
     assert_eq!(listener.state(), ListenerState::ReadingStatus { late: true });
     assert_eq!(rig.listener_within(&mut listener, 1), None);
@@ -281,7 +282,7 @@ fn a_frame_is_stored_and_forwarded_in_one_status_and_one_read() {
     assert_eq!(rig.buffer[0], 245);
     assert_eq!(rig.buffer[1..245], payload(244, 1));
     assert_eq!(rig.buffer[245..247], [0, 0], "the CRC-16 is not read");
-    // The read of the status takes 10 µs and that of the FIFO 248 µs at the stand-in's 8 MHz.
+    // At the stand-in's 8 MHz the read of the status takes 10 µs, and the read of the FIFO 248 µs.
     assert_eq!(rig.chip.now - end, 10 + 248);
 
     let log = rig.log();
@@ -314,7 +315,7 @@ fn only_few_bytes_are_left_to_read_at_a_frames_end() {
 #[test]
 fn the_last_early_read_leaves_a_byte_unless_another_arrives_meanwhile() {
     for (level, len) in [(1, None), (2, Some(1)), (23, Some(22)), (24, Some(24)), (25, Some(25))] {
-        // LEN announces 40 + 2 bytes, so few that the last early read follows the first.
+        // LEN announces only 40 + 2 bytes, so the last early read comes right after the first.
         let mut listener = in_a_frame();
         let _ = listener.step(Input::Done(&status(0, 16)));
         let _ = listener.step(Input::Done(&[40; 15]));
@@ -413,7 +414,7 @@ fn two_frames_300_microseconds_apart_are_both_received() {
         let (mut rig, mut listener) = listening(Chip::new(Variant::B), config);
         for _ in 0..5 {
             let end = rig.chip.frame(rig.chip.now + 4_000, &payload(184, 1));
-            // Preamble and sync of the second frame follow the gap: 64 bits, 151 µs.
+            // After the gap of 300 µs come the preamble and the sync of the second frame: 64 bits, 151 µs.
             rig.chip.frame(end + 300 + 151, &payload(180, 2));
             assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 184, flags: CLEAN });
             assert_eq!(rig.buffer[1..=184], payload(184, 1));
@@ -427,12 +428,12 @@ fn two_frames_300_microseconds_apart_are_both_received() {
 #[test]
 fn a_frame_that_begins_before_the_re_arm_is_received_not_cleared() {
     for config in BOTH {
-        // The receiver of this chip stays on after a frame's end.
+        // The model of the chip leaves its receiver unmasked after a frame's end.
         let chip = Chip { end_masks_receiver: false, ..Chip::new(Variant::B) };
         let (mut rig, mut listener) = listening(chip, config);
         rig.chip.frame(rig.chip.now + 1_000, &payload(100, 1));
         assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 100, flags: CLEAN });
-        // The caller is slow: half of the next frame has arrived when the caller continues.
+        // The caller is slow: it continues when half of the next frame has arrived.
         rig.chip.frame(rig.chip.now + 10, &payload(120, 2));
         rig.chip.advance(rig.chip.now + 1_200);
         rig.log();
@@ -457,7 +458,7 @@ fn a_sync_just_before_the_clear_costs_at_most_its_own_frame() {
                     assert_eq!(len, 120);
                     assert_eq!(rig.buffer[1..=120], payload(120, 2));
                 }
-                // The clear has damaged the frame, as its flags show.
+                // The clear of the FIFO has damaged the frame, which the frame's flags show.
                 ListenerEvent::Frame { flags, .. } => assert!(flags.contains(FrameFlags::LENGTH)),
                 other => assert!(matches!(other, ListenerEvent::Dropped(_)), "{other:?}"),
             }
@@ -482,7 +483,7 @@ fn a_frame_without_end_is_dropped_6_ms_after_its_sync() {
             hears(&mut rig, &mut listener, 244);
             let log = rig.log();
             assert_eq!(log[0], "59 00 00 00 00 00 00 00");
-            // The FIFO is cleared only if it holds bytes.
+            // An empty FIFO needs no clear, so the transfers may lack it.
             assert!(log[1] == "D1" || log[1..3] == ["DB", "D1"], "{log:?}");
             assert_eq!(listener.counters().no_end, 1);
             rig.assert_no_misuse();
@@ -570,7 +571,7 @@ fn frames_too_short_or_too_long_are_dropped_and_forgotten() {
 
 #[test]
 fn a_fifo_overflow_and_a_partial_last_byte_are_flags() {
-    // A byte with fewer than eight received bits is not part of the frame, so LEN no longer agrees.
+    // A last byte of fewer than eight bits does not count, so the length no longer agrees with LEN.
     let partial = FrameFlags::PARTIAL.union(FrameFlags::LENGTH);
     for (bits, len, flags) in [(0x10, 50, FrameFlags::OVERFLOW), (0x20, 50, FrameFlags::UNDERFLOW), (0x06, 49, partial)]
     {
@@ -591,7 +592,7 @@ fn a_frame_broken_off_within_a_byte_keeps_the_bytes_before_it() {
     for config in BOTH {
         let (rig, listener) = listening(Chip::new(Variant::B), config);
         for whole in 0..sent.len() {
-            // The frame breaks off in every µs of the byte, also while the status of an early read is read.
+            // The frame breaks off at every µs of a byte, and also while an early read reads the status.
             for into in 1..19 {
                 let (mut rig, mut listener) = (rig.clone(), listener.clone());
                 let over = rig.chip.raw_frame(rig.chip.now + 1_000, &sent[..whole], None);
@@ -634,7 +635,7 @@ fn a_fifo_level_that_lies_is_survived_and_flagged() {
     }
 }
 
-/// Sends three frames. Returns whether one of them is delivered whole.
+/// Sends three frames to the listener. Returns whether it delivers one of them whole.
 fn hears_again(rig: &mut Rig, listener: &mut Listener) -> bool {
     for seed in 0..3 {
         let bytes = payload(244, seed);
@@ -661,7 +662,7 @@ fn the_field_coming_and_going_is_told() {
         hears(&mut rig, &mut listener, 244);
         rig.chip.at(rig.chip.now + 5_000, Happening::Irq(TIMER, EOF));
         assert_eq!(rig.listener(&mut listener), ListenerEvent::FieldOff);
-        // The field is off for 0.4 s: the listener checks the chip and reports nothing.
+        // While the field is off for 0.4 s, the listener checks the chip and reports nothing.
         assert_eq!(rig.listener_within(&mut listener, 160), None);
         assert!(rig.chip.now > 400_000);
         assert_eq!(listener.counters().faults, 0);
@@ -715,7 +716,7 @@ fn a_change_of_field_without_its_interrupt_is_reported_within_25_ms() {
         assert_eq!(rig.listener(&mut listener), event);
         assert!(rig.chip.now - changed < 25_000, "{} µs", rig.chip.now - changed);
     }
-    // A state of the field that was reported is not reported again.
+    // A reported state of the field is not reported a second time.
     assert_eq!(rig.listener_within(&mut listener, 100), None);
 }
 
@@ -744,7 +745,8 @@ fn a_start_in_the_middle_of_frames_hears_the_next_whole_one() {
             rig.chip.at(0, Happening::Irq(TIMER, EON));
             for cycle in 0..6 {
                 rig.chip.frame(shift + cycle * 10_000, &payload(244, cycle as usize));
-                // A receiver that is unmasked within a frame reports errors.
+                // A real chip whose receiver is unmasked in the middle of a frame reports errors, and so does this
+                // model.
                 rig.chip.at(shift + cycle * 10_000 + 2_000, Happening::Irq(ERROR, 0x30));
             }
             let mut listener = Listener::new(config);
@@ -844,12 +846,13 @@ fn a_frame_that_begins_while_an_idle_chip_is_checked_is_received() {
             let chip = Chip { db_clears_irqs, ..Chip::new(Variant::B) };
             let (mut rig, mut listener) = listening(chip, config);
             hears(&mut rig, &mut listener, 244);
-            // The frame's sync comes at every µs of the check after 20 ms, and of the re-arming after that check.
+            // The sync comes at every µs of the check that follows 20 ms without a frame, and of the re-arming after
+            // the check.
             for sync in 19_950..20_150 {
                 let (mut rig, mut listener) = (rig.clone(), listener.clone());
                 let sent = payload(244, sync);
                 rig.chip.frame(rig.chip.now + sync as u64, &sent);
-                // The executor needs 4 µs from one step to the next.
+                // This executor needs 4 µs from one step to the next.
                 let event = loop {
                     if let Some(event) = rig.listener_within(&mut listener, 1) {
                         break event;
@@ -858,7 +861,7 @@ fn a_frame_that_begins_while_an_idle_chip_is_checked_is_received() {
                 };
                 let ListenerEvent::Frame { len: 244, .. } = event else { panic!("{config:?}, {sync} us: {event:?}") };
                 assert_eq!(rig.buffer[1..=244], sent, "{config:?}, {sync} us");
-                // Few bytes are left for the last read, so the listener read the frame while it arrived.
+                // The last read has few bytes, which shows that the listener read the frame while it arrived.
                 let left = rig.chip.log.iter().rev().find(|mosi| mosi[0] == 0x9F).unwrap().len() - 1;
                 assert!(config != FILLING || left <= TAIL - 2, "{left} bytes after the end, {sync} us");
                 rig.assert_no_misuse();
@@ -883,7 +886,7 @@ fn supervision_costs_nothing_while_frames_come() {
         rig.chip.frame(rig.chip.now + 5_000, &payload(244, cycle));
         assert!(matches!(rig.listener(&mut listener), ListenerEvent::Frame { .. }));
     }
-    // Operation control, mode and bit rate are read only in their turn, since a frame came in every interval.
+    // In every interval a frame came, so operation control, mode and bit rate are read only when their turn comes.
     assert_eq!(rig.log().iter().filter(|read| *read == "42 00 00 00").count(), 4);
 }
 
@@ -985,7 +988,7 @@ fn the_buffer_holds_the_longest_frame_and_no_byte_more() {
         rig.chip.raw_frame(rig.chip.now + 1_000, &frame[..257], Some(0));
         assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 254, flags: CLEAN });
         rig.chip.advance(rig.chip.now + 5);
-        // Bytes beyond a frame's CRC-16 make it too long, although the CRC-16 itself is not read into the buffer.
+        // A frame with bytes beyond its CRC-16 is too long, although the CRC-16 itself is not read into the buffer.
         for more in 1..=3 {
             frame.resize(257 + more, 0);
             rig.chip.raw_frame(rig.chip.now + 1_000, &frame, Some(0));
@@ -1022,8 +1025,8 @@ fn every_flipped_setting_is_told_within_one_rotation() {
                 rig.chip.flip(space, address, bit);
                 let mut frames = 0;
                 let fault = loop {
-                    // The chip receives a frame in every 10 ms, unless the flipped bit makes it deaf. In both cases one
-                    // setting is read in each cycle.
+                    // The chip receives a frame every 10 ms, unless the inverted bit makes it deaf. In both cases one
+                    // setting is read back in each cycle.
                     rig.chip.frame(rig.chip.now + 5_000, &payload(244, 1));
                     match rig.listener(&mut listener) {
                         ListenerEvent::Fault(fault) => break fault,
@@ -1075,11 +1078,11 @@ fn a_listener_that_hears_nothing_is_brought_up_anew_ever_more_rarely() {
             assert!((after * 9 / 10..=after + 20).contains(&waited), "{waited} ms");
             before = *instant;
         }
-        // The last of these bring-ups came after the longest interval, and so do the next.
+        // The last bring-up came after the longest interval, so the interval does not grow any more.
         let instants = silences(&mut rig, &mut listener, 2, field);
         assert!((7_200..=8_020).contains(&(instants[1] - instants[0])), "{instants:?}");
         assert_eq!(rig.listener(&mut listener), ListenerEvent::Listening);
-        // After a frame the first interval is the shortest again, and the bring-up follows without a back-off.
+        // A frame makes the interval the shortest again. The bring-up after it comes without a back-off.
         hears(&mut rig, &mut listener, 244);
         rig.chip.field(field);
         let instants = silences(&mut rig, &mut listener, 1, field);
@@ -1093,7 +1096,7 @@ fn a_listener_that_hears_nothing_is_brought_up_anew_ever_more_rarely() {
 #[test]
 fn no_back_off_of_earlier_faults_delays_the_bring_up_for_silence() {
     let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
-    // After these faults, the next one would be followed by a back-off of 64 ms.
+    // Ten faults in a row raise the back-off to 64 ms, which a further fault would be followed by.
     rig.chip.miso = Miso::StuckLow;
     assert_eq!(rig.listener(&mut listener), ListenerEvent::Fault(Fault::Reset));
     for _ in 0..9 {
@@ -1109,7 +1112,7 @@ fn no_back_off_of_earlier_faults_delays_the_bring_up_for_silence() {
 
 #[test]
 fn a_deaf_listener_notices_whatever_interrupts_come_without_a_frame() {
-    // The disturbances are a field that goes on and off, errors outside a frame, and frames that never end.
+    // There are three disturbances: a field that goes on and off, errors outside a frame, and frames that never end.
     for disturbance in 0..3 {
         let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
         let start = rig.chip.now;

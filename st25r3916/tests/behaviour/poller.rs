@@ -152,7 +152,7 @@ fn a_supply_of_3_3_volts_sets_sup3v_and_nothing_else() {
 fn every_allowed_supply_is_accepted_with_sup3v_below_3_6_volts() {
     for supply_mv in (2_400..=5_500).step_by(20) {
         let (rig, _) = bring_up_log_at(supply_mv);
-        // One step of the measurement is 23.4 mV, so both settings are right within one step of the threshold.
+        // A step of the measurement is 23.4 mV. Within one step of the threshold both settings are right.
         if supply_mv.abs_diff(3_600) > 23 {
             assert_eq!(rig.chip.a[1], if supply_mv < 3_600 { 0xBC } else { 0x3C }, "{supply_mv} mV");
         }
@@ -187,7 +187,7 @@ fn the_supply_is_measured_anew_at_every_bring_up() {
     assert_eq!(rig.chip.a[1], 0xBC);
     rig.assert_no_misuse();
 
-    // If a bring-up fails, the result of an earlier bring-up is not kept.
+    // A bring-up that fails discards the measured supply of the bring-up before.
     rig.chip.supply_mv = 2_000;
     rig.chip.at(rig.chip.now, Happening::PowerUpReset);
     assert_eq!(rig.poller_next(&mut poller), PollerEvent::Fault(Fault::Reset));
@@ -226,13 +226,14 @@ fn measuring_and_reading_back_cost_less_than_a_millisecond() {
     let mut rig = Rig::new(Chip::new(Variant::A));
     let mut poller = Poller::new(PollerConfig::new());
     assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
-    // The oscillator takes 700 µs and the regulators 3 ms; the rest is 25 µs of measurement and transfers at 8 MHz.
+    // The bring-up takes 700 µs for the oscillator and 3 ms for the regulators. The rest is 25 µs of measurement and
+    // transfers at 8 MHz.
     assert!(rig.chip.now < 700 + 3_000 + 1_000, "{} µs", rig.chip.now);
 }
 
 #[test]
 fn the_transmitter_goes_on_only_after_every_register_was_read_back() {
-    // Each row has the space and the address of a register, and a bit that the chip stores inverted there.
+    // Each row names a register, by space and address, and one of its bits, which the chip stores inverted.
     let registers = [
         (0, 0x00, 0x80),
         (0, 0x01, 0x20),
@@ -393,8 +394,8 @@ fn the_wait_for_the_end_is_the_air_time_and_a_margin() {
     rig.payload = vec![0; 244];
     assert_eq!(rig.load(&mut poller, 244), PollerEvent::Loaded);
     let _ = poller.step(Input::Done(&[0]));
-    // The wait is the air time, 2040 bits · 32 / 13.56 MHz = 4814.2 µs, rounded up, and a margin of 100 µs. The load of
-    // the other 228 bytes at 10 MHz is subtracted.
+    // The poller waits for the air time, 2040 bits · 32 / 13.56 MHz = 4814.2 µs, rounded up, and a margin of 100 µs.
+    // The time of loading the other 228 bytes at 10 MHz is subtracted.
     assert_eq!(poller.step(Input::Done(&[])), Step::Wait { us: 4_815 + 100 - 182 });
 }
 
@@ -403,7 +404,7 @@ fn interrupts_survive_a_clear_that_clears_them_or_not() {
     for db_clears_irqs in [false, true] {
         let (mut rig, mut poller) = ready(Chip { db_clears_irqs, ..Chip::new(Variant::B) });
         for _ in 0..3 {
-            // An earlier I_txe that is still set must not be taken for that of this frame.
+            // I_txe is still set from an earlier frame, and must not be taken for the end of this one.
             rig.chip.irqs[0] |= crate::stand_in::TXE;
             let start = rig.chip.now;
             assert_eq!(rig.send(&mut poller, &[9; 244]), SENT);
@@ -569,8 +570,8 @@ fn bytes_left_in_the_fifo_are_a_fault_where_they_are_checked() {
 
 #[test]
 fn the_rest_of_a_frame_is_due_two_spi_bytes_early() {
-    // The 64 + 8 · 17 bits before the first byte of the rest take 471.98 µs at 423.75 kbit/s. Two bytes take 1.78 µs on
-    // an SPI of 9 MHz, and 16 µs on one of 1 MHz.
+    // Before the first byte of the rest there are 64 + 8 · 17 bits, which take 471.98 µs at 423.75 kbit/s. Two bytes
+    // take 1.78 µs on an SPI of 9 MHz, and 16 µs on one of 1 MHz.
     assert_eq!(rest_within_us(9_000_000), Some(471 - 2));
     assert_eq!(rest_within_us(1_000_000), Some(471 - 16));
     assert_eq!((rest_within_us(423_750), rest_within_us(423_751).is_some()), (None, true));
@@ -678,7 +679,7 @@ fn interrupts_without_a_cause_are_counted_anew_for_each_wait() {
     let mut step = Step::Event(PollerEvent::Ready);
     let mut false_alarms = 0;
     for _ in 0..1_000 {
-        // Each wait gets seven interrupts without a cause, one less than the number that causes a fault.
+        // During each wait seven interrupts come without a cause, one less than make a fault.
         let given = if matches!(step, Step::Wait { .. }) && false_alarms < 7 {
             false_alarms += 1;
             crate::stand_in::Given::Irq
@@ -710,7 +711,7 @@ fn a_chip_that_never_raises_i_txe_sends_every_frame_unconfirmed() {
             assert_eq!(rig.send(&mut poller, &payload), PollerEvent::Sent { confirmed: false });
             let (began, sent) = rig.chip.sent.last().unwrap();
             assert_eq!(*sent, payload);
-            // The event comes neither before the frame's last bit nor too late to prepare the next frame.
+            // The event Sent must not come before the frame's last bit, nor too late to prepare the next frame.
             let air = (48 + 16 + 8 * (len as u64 + 3)) * 3_200 / 1_356;
             let late = rig.chip.now - began - air;
             assert!((50..170).contains(&late), "{len} bytes: {late} µs after the last bit");

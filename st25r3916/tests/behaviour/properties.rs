@@ -17,7 +17,7 @@ use crate::stand_in::{Chip, Happening, Miso, Rig};
 enum Said {
     Start,
     Done(Vec<u8>),
-    /// The requested transfer has ended, with a response of the right length that repeats these bytes.
+    /// The requested transfer has ended, with a response of the right length that consists of these bytes, repeated.
     Answer([u8; 8]),
     Irq,
     Timeout,
@@ -79,7 +79,7 @@ fn check<E>(step: &Step<E>) {
     }
 }
 
-/// Returns a response to `step` of the right length that repeats `bytes`.
+/// Returns a response to `step` that has the right length and consists of `bytes`, repeated.
 fn answer<E>(step: &Step<E>, bytes: [u8; 8]) -> Vec<u8> {
     let len = match *step {
         Step::Transfer(Transfer::Short(short)) => short.bytes().len(),
@@ -89,7 +89,7 @@ fn answer<E>(step: &Step<E>, bytes: [u8; 8]) -> Vec<u8> {
     bytes.iter().copied().cycle().take(len).collect()
 }
 
-/// Gives the inputs to a machine and returns the step that it still waits for. `send` prepares a frame or an answer.
+/// Gives the inputs to a machine, and returns the step for which it then waits. `send` prepares a frame or an answer.
 fn feed<M: Machine<Event: Copy>>(
     machine: &mut M,
     said: &[Said],
@@ -120,7 +120,8 @@ fn feed_poller(machine: &mut Poller, said: &[Said]) -> Step<PollerEvent> {
     feed(machine, said, |machine, len| machine.prepare(len).ok())
 }
 
-/// Sends up to 30 frames, one every 10 ms, until the listener receives one without damage. A recovery takes about ten.
+/// Sends up to 30 frames, one every 10 ms, until the listener receives one undamaged. A recovery takes about ten
+/// frames.
 fn listens_again(rig: &mut Rig, machine: &mut Listener, mut step: Step<ListenerEvent>) -> bool {
     let payload: Vec<u8> = (0..244).map(|index| index as u8 ^ 0x5A).collect();
     let start = rig.chip.now;
@@ -133,7 +134,7 @@ fn listens_again(rig: &mut Rig, machine: &mut Listener, mut step: Step<ListenerE
         step = machine.step(rig.input(given));
         check(&step);
         let whole = Step::Event(ListenerEvent::Frame { len: 244, flags: st25r3916::FrameFlags::empty() });
-        // The listener may first deliver an earlier frame that is still in the FIFO.
+        // An earlier frame may still be in the FIFO, and the listener may deliver it first.
         if step == whole && rig.buffer[1..=244] == payload {
             return true;
         }
@@ -148,7 +149,7 @@ fn sends_again(rig: &mut Rig, machine: &mut Poller, mut step: Step<PollerEvent>)
     rig.payload = vec![0xA5; 254];
     for _ in 0..400 {
         let given = match step {
-            // The machine may have loaded an earlier frame, which is given up.
+            // An earlier frame may still be loaded. The machine gives it up.
             Step::Event(PollerEvent::Ready) => {
                 if rig.load(machine, 254) != PollerEvent::Loaded {
                     return false;
@@ -165,8 +166,8 @@ fn sends_again(rig: &mut Rig, machine: &mut Poller, mut step: Step<PollerEvent>)
     false
 }
 
-/// Carries out the outstanding `step`, then runs exchanges, each answered with `answer`, until one succeeds. Returns
-/// how many failed before.
+/// Carries out the outstanding `step`. Then runs exchanges, each answered with `answer`, until one succeeds, and
+/// returns how many failed before.
 fn exchanges_again(rig: &mut Rig, machine: &mut Exchange, mut step: Step<ExchangeEvent>) -> Option<u32> {
     let answer = [0xC3; 128];
     rig.payload = vec![0xA5; 64];
@@ -195,7 +196,8 @@ fn exchanges_again(rig: &mut Rig, machine: &mut Exchange, mut step: Step<Exchang
     None
 }
 
-/// Carries out `step`, then sends 30 frames, one every 20 ms. Returns whether the machine has answered one of them.
+/// Carries out the outstanding `step`, then sends 30 frames, one every 20 ms. Returns whether the answerer has answered
+/// one of them.
 fn answers_again(rig: &mut Rig, machine: &mut Answerer, mut step: Step<AnswererEvent>) -> bool {
     rig.payload = vec![0xC3; 128];
     rig.chip.clear_air();
@@ -305,7 +307,7 @@ proptest! {
         let mut step = machine.step(Input::Start);
         for (place, value) in noise {
             let given = rig.carry_out(step);
-            // About one response in eight has a byte that the chip did not send.
+            // In about one response of eight a byte is replaced by one that the chip did not send.
             let mut garbled = match rig.input(given) {
                 Input::Done(bytes) => bytes.to_vec(),
                 _ => Vec::new(),
@@ -400,8 +402,8 @@ proptest! {
         prop_assert!(matches!(event, ExchangeEvent::Answer { .. } | ExchangeEvent::NoAnswer(_)), "{:?}", event);
         let bound = u64::from(WINDOW_US + FRAME_US) + 600 + 4 * lateness;
         prop_assert!(rig.chip.now - end <= bound, "{} us", rig.chip.now - end);
-        // Signals that are still on the air must not disturb the next frame. Its answer comes after them and is
-        // received.
+        // Other signals are still on the air, and must not disturb the next frame. The answer to that frame comes after
+        // them and is received.
         let ready = rig.run(&mut machine, Step::Event(event));
         prop_assert_eq!(ready, ExchangeEvent::Ready);
         let step = machine.prepare(64).expect("it is ready");

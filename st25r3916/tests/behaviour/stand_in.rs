@@ -1,7 +1,7 @@
 //! A stand-in for the chip with registers and a FIFO, and an executor that runs a machine against it.
 //!
-//! The stand-in behaves as the driver's documentation describes the chip, in whole µs, and can be set to misbehave. It
-//! has no analogue side, and only the two modes that the driver uses.
+//! The stand-in behaves as the driver's documentation describes the chip, in whole µs. It can also be set to misbehave.
+//! It has no analogue side, and only the two modes that the driver uses.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
@@ -20,14 +20,14 @@ pub(crate) const EON: u8 = 0x10;
 pub(crate) const EOF: u8 = 0x08;
 pub(crate) const CRC: u8 = 0x80;
 
-/// An event in the chip that comes at a planned instant, without an access by the driver.
+/// An event in the chip at a planned instant, which no access by the driver causes.
 #[derive(Clone, Debug)]
 pub(crate) enum Happening {
     Irq(usize, u8),
     Measured(u8),
     /// The sync of a frame is received, if the receiver is on and unmasked.
     Sync,
-    /// One byte of the frame whose sync was accepted arrives.
+    /// A byte arrives of the frame whose sync was accepted.
     Byte(u8),
     /// The frame whose sync was accepted ends, with these error bits.
     End(u8),
@@ -38,7 +38,7 @@ pub(crate) enum Happening {
     /// The chip's own frame on the air ends.
     TransmitEnd,
     PowerUpReset,
-    /// The receiver is unmasked without a command.
+    /// The receiver becomes unmasked, although no command unmasked it.
     Unmask,
 }
 
@@ -65,21 +65,21 @@ pub(crate) struct Chip {
     pub(crate) end_masks_receiver: bool,
     pub(crate) oscillator_us: Option<u64>,
     pub(crate) regulator_us: Option<u64>,
-    /// The time until I_dct after the command for the RC calibration (ST25R3916B); `None`: I_dct never comes.
+    /// The time from the command for the RC calibration to I_dct (ST25R3916B); `None`: I_dct never comes.
     pub(crate) calibration_us: Option<u64>,
-    /// The time until I_dct and the result after the command for the supply measurement; `None`: I_dct never comes.
+    /// The time from the command for the supply measurement to I_dct and the result; `None`: I_dct never comes.
     pub(crate) measurement_us: Option<u64>,
     pub(crate) supply_mv: u32,
     /// Whether the chip carries out transmit commands.
     pub(crate) transmits: bool,
-    /// Whether a sent frame raises I_txe.
+    /// Whether the end of a sent frame raises I_txe.
     pub(crate) transmit_ends: bool,
     /// Whether the no-response timer raises I_nre.
     pub(crate) no_response_ends: bool,
     pub(crate) pin_stuck: bool,
-    /// The number that is added to the right FIFO level in the FIFO status.
+    /// The number that the FIFO status adds to the right FIFO level.
     pub(crate) level_error: i32,
-    /// The space and address of a register, and its bits that the chip stores inverted.
+    /// A register, by space and address, and the bits that the chip stores inverted in it.
     pub(crate) stuck: Option<(usize, usize, u8)>,
     /// Whether `reg_s` was set and cleared since the last adjustment of the regulators.
     pub(crate) adjusts: bool,
@@ -140,7 +140,7 @@ impl Chip {
     }
 
     /// Returns the space and address of each register that the driver has written and that must keep its value. The
-    /// frame's length is not among them, because it changes.
+    /// register of the frame's length changes, so it is left out.
     pub(crate) fn written(&self) -> BTreeSet<(usize, usize)> {
         self.written.iter().copied().filter(|(space, address)| *space < 2 && !matches!(address, 0x22 | 0x23)).collect()
     }
@@ -159,7 +159,7 @@ impl Chip {
     }
 
     /// Plans a frame whose sync ends at `sync`. Its bytes are LEN, the payload and two fixed bytes in place of the
-    /// CRC-16. Returns the instant of its end.
+    /// CRC-16. Returns the instant of the frame's end.
     pub(crate) fn frame(&mut self, sync: u64, payload: &[u8]) -> u64 {
         let mut bytes = vec![payload.len() as u8 + 1];
         bytes.extend_from_slice(payload);
@@ -224,7 +224,7 @@ impl Chip {
             && self.b[0x0C..=0x0D] == [0x54, 0x00]
     }
 
-    /// Whether a direct command is under way at whose end I_dct comes.
+    /// Whether a direct command is in progress whose end raises I_dct.
     fn is_busy(&self) -> bool {
         self.schedule.values().any(|what| matches!(what, Happening::Irq(TIMER, 0x80)))
     }
@@ -376,7 +376,8 @@ impl Chip {
                 }
             }
             0x40..=0x7F => {
-                // Each register is read when its own byte begins, since a frame may end between two of them.
+                // A register is read when its own byte begins, because a frame may end between the reads of two
+                // registers.
                 self.advance(self.now + first as u64);
                 for (offset, slot) in miso[first..].iter_mut().enumerate() {
                     *slot = self.read(space, usize::from(head & 0x3F) + offset);
@@ -391,7 +392,7 @@ impl Chip {
                 self.needs_oscillator("FIFO read");
                 let mut dry = false;
                 for slot in &mut miso[1..] {
-                    // A byte leaves the FIFO only when its own clocks come, after those of the command and of the bytes
+                    // A byte leaves the FIFO only when its own clocks come, after the command's byte and the bytes
                     // before it.
                     self.advance(self.now + 1);
                     match self.fifo.pop_front() {
@@ -470,7 +471,7 @@ impl Chip {
             self.misuse.push(format!("command {command:02x} before the one before has ended"));
         }
         match command {
-            // A reset leaves the interrupts set, so that the driver must cope with an IRQ pin that is high already.
+            // A reset leaves the interrupt bits set, so the driver must cope with an IRQ pin that is high already.
             0xC1 => self.reset(),
             0xC2 => {
                 self.sending = false;
@@ -537,14 +538,15 @@ pub(crate) fn told(fault: Fault) -> (usize, usize, u8) {
     (usize::from(address >> 6), usize::from(address & 0x3F), expected ^ found)
 }
 
-/// A chip and the executor that runs a machine against it, with the payload to send and the buffer to fill.
+/// A chip, and the executor that runs a machine against it. The executor has the payload to send and the buffer to
+/// fill.
 #[derive(Clone, Debug)]
 pub(crate) struct Rig {
     pub(crate) chip: Chip,
     pub(crate) payload: Vec<u8>,
     pub(crate) buffer: [u8; BUFFER],
     response: Vec<u8>,
-    /// The delay, µs, before each answer to a wait, as if the executor were busy.
+    /// The delay, µs, before the executor answers a wait, as if it were busy.
     pub(crate) lateness: u64,
     pub(crate) transfers: u32,
     pub(crate) outstanding: Step<ListenerEvent>,

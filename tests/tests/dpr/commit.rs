@@ -20,7 +20,8 @@ use rtic_core::Mutex;
 
 use super::frames::{Case, CASES, CLASSES, SIZE};
 
-/// The number of a frame's bytes, LEN included, that have arrived at the listener's three reads of its FIFO.
+/// For each of the listener's three reads of its FIFO, the number of the frame's bytes, LEN included, that have
+/// arrived.
 const READS: [usize; 3] = [16, SIZE + 3 - st25r3916::listener::BODY, SIZE + 3 - st25r3916::listener::TAIL];
 /// The number of cycles before the timed one; the sequence is found with the fourth.
 const CYCLES_BEFORE: u32 = 6;
@@ -34,7 +35,7 @@ impl<T> Mutex for Own<'_, T> {
     }
 }
 
-/// The SSI for the commit task. The field is whether a transaction is under way.
+/// The SSI as the commit task sees it. The field says whether a transaction is under way.
 pub(crate) struct Bell(pub(crate) bool);
 
 impl Doorbell for Bell {
@@ -48,7 +49,7 @@ impl Doorbell for Bell {
 
 type ImageBuffer<'a> = &'a mut ImageMemory;
 
-/// The resources of the commit task: images, areas and counters.
+/// The resources that the commit task uses: images, areas and counters.
 struct Publishing<'a> {
     mailbox: Mailbox<ImageBuffer<'a>>,
     filling: Option<Filling<ImageBuffer<'a>>>,
@@ -72,7 +73,7 @@ impl<'a> Publishing<'a> {
         }
     }
 
-    /// Does the work of other tasks before the end of a frame: scrubs images and prepares the next one.
+    /// Does what other tasks do before the end of a frame: scrubs images and prepares the next one.
     fn rest(&mut self, commit: &mut Commit<RECEIVERS>) {
         triple::scrub_waiting(Own(&mut self.mailbox));
         commit.prepare(&mut self.outbox(false));
@@ -125,13 +126,13 @@ pub(crate) fn follow(cycles: &Cycles) {
     }
     let [first, second, third] = taken;
     first.assert("Early::follow, first read", bounds(350, 260, 350, 0));
-    // The spread comes from the reason of a rejection, which is reported. It takes 14 cycles less than for a good frame
-    // if two objects have a wrong identifier, and 8 more if the position CRC is wrong.
+    // The spread comes from the reason for a rejection, which the verdict reports. Two wrong identifiers take 14 cycles
+    // less than a good frame, and a wrong position CRC takes 8 cycles more.
     second.assert("Early::follow, second read", bounds(2_800, 1_850, 2_600, 24));
     third.assert("Early::follow, third read", bounds(650, 450, 600, 8));
 }
 
-/// Times `Acceptance::judge` for a frame of which all objects but the last were verified before.
+/// Times `Acceptance::judge` for a frame in which only the last object is still to be verified.
 pub(crate) fn judge(cycles: &Cycles) {
     let mut before = Acceptance::<RECEIVERS>::new();
     for cycle in 0..CYCLES_BEFORE {
@@ -185,9 +186,9 @@ pub(crate) fn frame(cycles: &Cycles) {
             defmt::assert_eq!((accepted, rejected), (shown, 4 * (CYCLES_BEFORE + 1) - shown), "{}", case);
             frame[case.class()].note(took);
 
-            // Next the whole commit task is timed, which does the same with a frame in a receive buffer.
+            // The whole commit task is timed next. It does the same for a frame in a receive buffer.
             let mut written = defmt::unwrap!(filling.take());
-            // LEN is stored after LEAD bytes, so it is the last byte of the first word.
+            // LEN comes after LEAD bytes, and so is the last byte of the first word.
             written.memory()[0] = u32::from(bytes[0]) << (8 * LEAD);
             for (word, bytes) in written.memory()[1..].iter_mut().zip(bytes[1..].as_chunks().0) {
                 *word = u32::from_le_bytes(*bytes);

@@ -22,13 +22,13 @@ pub(crate) enum Case {
     EveryObject,
     /// GPS1 and GPS2 are exchanged, with valid CRCs.
     Swapped,
-    /// This object is that of the cycle before, with valid CRCs.
+    /// This object is that of the previous cycle, with valid CRCs.
     OfTheCycleBefore(usize),
     /// The latitude of Reported-Position and its frame CRC were changed, so its position CRC is wrong.
     Position,
     Zeros,
     Ones,
-    /// The frame is good, but its timestamp is that of the cycle before.
+    /// The frame is good, but it repeats the timestamp of the cycle before.
     Repeated,
     /// The frame is good, but its timestamp is 500 ms ahead.
     Ahead,
@@ -59,11 +59,11 @@ pub(crate) const CASES: [Case; 20] = [
     Case::Restarted,
 ];
 
-/// The verdicts of the sequence on a frame.
+/// The classes of frames, by what the sequence says of a frame.
 pub(crate) const CLASSES: [&str; 3] = ["in sequence", "out of sequence", "no object intact"];
 
 impl Case {
-    /// Returns how many objects of the frame are accepted if it follows a cycle that is in sequence.
+    /// Returns how many objects of the frame are accepted. The cycle before is assumed to be in sequence.
     pub(crate) const fn accepted(self) -> u32 {
         let all = OBJECTS as u32;
         match self {
@@ -74,8 +74,8 @@ impl Case {
         }
     }
 
-    /// Returns the index of the frame's class in [`CLASSES`]. The DPR's work depends only on whether the frame has a
-    /// timestamp and what the sequence says of it, not on the other bytes of the frame.
+    /// Returns the index of the frame's class in [`CLASSES`]. The DPR's work depends on nothing else in the frame: only
+    /// on whether it has a timestamp, and on what the sequence says of this timestamp.
     pub(crate) const fn class(self) -> usize {
         match self {
             Self::Repeated | Self::Ahead | Self::Restarted => 1,

@@ -23,7 +23,7 @@ const FIFO_LAST_BITS: u8 = 0x0F;
 /// a setting back.
 const STEPS: usize = 19;
 
-/// The flags that the chip reports for a frame besides the frame's bytes.
+/// The flags that the chip reports for a frame in addition to the frame's bytes.
 #[derive(Clone, Copy)]
 struct Flags {
     error: u8,
@@ -31,14 +31,15 @@ struct Flags {
 }
 
 const CLEAN: Flags = Flags { error: 0, fifo: 0 };
-/// For a frame that is read while it arrives, the result of each wait: the main interrupts with which it ends (0 if its
-/// time is over), and the number of bytes in the FIFO then.
+/// The results of the waits for a frame that is read while it arrives. Each has the main interrupts that end the wait
+/// (0 if its time is over), and the number of bytes in the FIFO then.
 const WHILE_FILLING: [(u8, u8); 5] = [(RXS, 0), (0, 17), (0, 201), (0, 26), (RXE, 5)];
-/// The results of the waits, as in [`WHILE_FILLING`], for a frame whose LEN is wrong, so that the frame ends before its
-/// bytes are read.
+/// The results of the waits, as in [`WHILE_FILLING`], for a frame with a wrong LEN. The frame ends before its bytes are
+/// read.
 const AT_THE_END: [(u8, u8); 3] = [(RXS, 0), (0, 17), (RXE, 231)];
 
-/// Makes one step. The function is separate, so that every call runs the same copy of the state machine.
+/// Makes one step of the listener. The function is not inlined, so that every call runs the same copy of the state
+/// machine.
 #[inline(never)]
 fn step(listener: &mut Listener, input: Input<'_>) -> Step<ListenerEvent> {
     listener.step(input)
@@ -80,7 +81,8 @@ fn frame(
     let mut listener = before.clone();
     let mut waits = waits.iter();
     let mut arm = |chip: &mut Chip| {
-        // When the receiver is made ready again, no further interrupt has come, and the CRC-16 is still in the FIFO.
+        // After these waits the receiver is made ready again. No further interrupt has come then, and the CRC-16 is
+        // still in the FIFO.
         let &(main, count) = waits.next().unwrap_or(&(0, 2));
         let Flags { error, fifo } = if main == RXS || (main, count) == (0, 2) { CLEAN } else { flags };
         chip.set_status(Status { main, error, count, fifo });
@@ -106,7 +108,7 @@ fn frame(
             }
             Step::Transfer(Transfer::Read { offset, len }) => Input::Done(&bytes[offset..offset + len]),
             Step::Event(ListenerEvent::Frame { len, .. }) => {
-                // A byte within which a frame broke off does not count.
+                // A last byte that broke off does not count as part of the frame.
                 defmt::assert_eq!(len, SIZE - usize::from(flags.fifo & FIFO_LAST_BITS != 0));
                 delivered = true;
                 arm(chip);
@@ -123,8 +125,8 @@ fn frame(
     steps
 }
 
-/// Times every step of frames with different bytes and flags, then of frames with a wrong LEN, whose FIFO is read at
-/// other instants.
+/// Times every step of the listener for frames with different bytes and flags. Then does so for frames with a wrong
+/// LEN, whose FIFO is read at other instants.
 pub(crate) fn steps(cycles: &Cycles) {
     let mut chip = Chip::new();
     let before = listening(&mut chip);
@@ -144,7 +146,7 @@ pub(crate) fn steps(cycles: &Cycles) {
         worst.note(taken.min);
         spread = spread.max(taken.spread());
     }
-    // Different steps take different times, but no step's time depends on the frame's contents.
+    // Different steps take different times. No step's time may depend on the frame's contents.
     worst.assert("Listener::step, any step of a frame", bounds(340, 370, 500, u32::MAX));
     Taken { min: 1_000, max: 1_000 + spread }
         .assert("Listener::step, spread of one step", bounds(1_016, 1_016, 1_016, 16));

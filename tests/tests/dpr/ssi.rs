@@ -111,7 +111,7 @@ impl<'a> Ssi for Wires<'_, 'a, '_> {
     }
     fn hand_over(&mut self, asked: Asked) -> HandedOver {
         let Some(mut area) = self.area.take() else { return HandedOver::Empty };
-        // The fourth word of an area, identifier and status, is examined when the area is dropped.
+        // The fourth word of an area holds identifier and status. It is examined when the area is dropped.
         area.memory()[3] = 0x5A5A_5A5A;
         let (next, handed_over) = self.areas.hand_over(area, Transaction { asked, bytes: self.mosi.len() });
         self.area = Some(next);
@@ -162,7 +162,7 @@ pub(crate) fn serve(cycles: &Cycles) {
         released_at: 0,
         handed_over: None,
     };
-    // Three cases: the next area is ready, or the port task has returned it just now, or there is none.
+    // The calls have three classes: the next area is ready, or the port task has just returned it, or there is none.
     let mut released = [Taken::NONE; 3];
     let mut whole = [Taken::NONE; 3];
     let mut granted = 0;
@@ -171,7 +171,8 @@ pub(crate) fn serve(cycles: &Cycles) {
             let mut server = Server::<LEN>::new();
             port.mosi = black_box(bytes);
             let took = cycles.of(|| server.serve(&mut port, Own(&mut mailbox), &telemetry));
-            // The class of a call: the first call of each request comes after all areas were used up and then returned.
+            // Before the first call of each request, all areas were used up and then returned. So that call has a class
+            // of its own.
             let class = match port.handed_over {
                 Some(HandedOver::Waits) if number == 0 => 1,
                 Some(HandedOver::Waits) => 0,
@@ -192,8 +193,8 @@ pub(crate) fn serve(cycles: &Cycles) {
         }
     }
     defmt::assert_eq!(port.released, granted);
-    // The flight controller waits until the buffers are released, so this time has a bound and a limit of its spread.
-    // The whole call has a bound only: its time depends on how many areas the port task has.
+    // The flight controller waits until the buffers are released, so that time has a bound and a limit for its spread.
+    // The whole call has a bound only, because its time depends on how many areas the port task has.
     released[0].assert("Server::serve, until the release", bounds(330, 250, 330, 16));
     released[1].assert("Server::serve, until the release, area just returned", bounds(360, 280, 360, 16));
     released[2].assert("Server::serve, until the release, areas used up", bounds(400, 330, 420, 16));
@@ -218,7 +219,7 @@ pub(crate) fn exchange(cycles: &Cycles) {
         let before = streamed.take();
         let (took, (image, newer)) = cycles.timed(|| exchange.take(before));
         defmt::assert!(newer);
-        // The first image that is taken replaces no other, so its time is not counted.
+        // The first image replaces no other, so taking it is not counted.
         if round > 0 {
             take.note(took);
         }

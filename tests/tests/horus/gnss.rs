@@ -19,7 +19,8 @@ fn solution(valid: bool, value: f64) -> Solution {
     }
 }
 
-/// Returns the solution of a receiver whose intact NAV-PVT has a fix at `latitude` (1e-7 degrees) at `now` ms.
+/// Returns the solution of a receiver from which an intact NAV-PVT message has come at `now` ms, with a fix at
+/// `latitude` (1e-7 degrees).
 fn located(now: u32, latitude: i32, velocity: [i32; 3]) -> Solution {
     let mut receiver = Receiver::new();
     let message = nav_pvt(latitude, velocity);
@@ -81,9 +82,9 @@ pub(crate) fn fill(cycles: &Cycles) {
         },
         |(tick, solutions), cycle| cycle.fill(black_box(*tick), black_box(solutions)),
     );
-    // The send slot leaves 24 µs for the tick and 14 µs for each object (`timing`), which are 9504 cycles.
+    // Until its send slot HORUS has 24 µs for the tick and 14 µs for each object (`timing`), 9504 cycles together.
     taken.assert("Cycle::fill", bounds(4_800, 3_800, 9_504, 16));
-    // The vote is timed with an earlier result to compare with, and without one.
+    // The vote is timed twice: with an earlier result to compare with, and without one.
     let begun = |tick: u32, solutions: &[Solution; RECEIVERS]| {
         let mut cycle = Cycle::new();
         cycle.vote(tick.wrapping_sub(2), &[winterthur; RECEIVERS]);
@@ -95,7 +96,7 @@ pub(crate) fn fill(cycles: &Cycles) {
         |(tick, solutions)| if tick % 2 == 0 { Cycle::new() } else { begun(*tick, solutions) },
         |(tick, solutions), cycle| cycle.vote(black_box(*tick), black_box(solutions)),
     );
-    // The vote comes after the frame was offered to the transmitter, and has no deadline but the next tick.
+    // The vote runs after the frame was offered to the transmitter. Its only deadline is the next tick.
     taken.assert("Cycle::vote", bounds(10_000, 10_000, 16_000, u32::MAX));
 }
 
@@ -119,7 +120,7 @@ pub(crate) fn receive(cycles: &Cycles) {
                 now += 10;
                 taken.note(cycles.of(|| receiver.receive(black_box(bytes), now)));
             }
-            // There is a silence before every second call, after which a false start is discarded.
+            // Before every second call the line is silent for a while, so that the receiver discards a false start.
             now += 100 * (turn % 2);
             taken.note(cycles.of(|| receiver.receive(&[], now)));
         }

@@ -33,7 +33,7 @@ struct Wires {
     started: Option<Started>,
     /// The bytes that the last transfer has clocked in from the chip, and their number.
     response: ([u8; Short::MAX], usize),
-    /// Whether the interrupt pin reads high, once.
+    /// Whether the next read of the interrupt pin finds it high. Later reads find it low.
     irq: bool,
     ticket: Ticket,
     loads: u32,
@@ -97,7 +97,8 @@ fn settle(transmitter: &mut Transmitter<'_, Wires>, chip: &mut Chip, mut main: u
                 wires.response = (chip.respond(&bytes[..len]), len);
             }
             Some(Started::Load) => wires.response.1 = 0,
-            // The transmitter waits for a pending interrupt, which comes at once, or only for the offer.
+            // If no transfer was started, the transmitter waits for an interrupt or an offer. The interrupt then comes
+            // at once.
             None => wires.irq = true,
         }
         transmitter.poll();
@@ -126,7 +127,7 @@ pub(crate) fn cycle(cycles: &Cycles) {
     {
         let tick = tick as u32 + 1;
         let profile = Profile::<RECEIVERS>::seal(&reported, &gps);
-        // The first cycle is not timed, so that the flash cache holds the code for all others.
+        // The first cycle only fills the flash cache with the code, and is not timed.
         let timed = tick > 1;
         let note = |taken: &mut Taken, took| {
             if timed {
@@ -156,7 +157,7 @@ pub(crate) fn cycle(cycles: &Cycles) {
         note(&mut slot, cycles.of(|| transmitter.slot(black_box(Slot { frame: 0, fired: Some(0) }))));
         defmt::assert_eq!(transmitter.port().loads, 2 * tick);
         settle(&mut transmitter, &mut chip, TXE);
-        // The slot of this call has no ticket, so it fires nothing.
+        // This slot has no ticket, so it fires nothing.
         note(&mut skipped, cycles.of(|| transmitter.slot(black_box(Slot { frame: 0, fired: None }))));
         defmt::assert!(transmitter.take_fault().is_none());
         defmt::assert_eq!(telemetry.frames_sent.get(), tick);
@@ -164,7 +165,7 @@ pub(crate) fn cycle(cycles: &Cycles) {
     offer.assert("Transmitter::offer", bounds(250, 250, 550, 8));
     loaded.assert("Transmitter::poll, head loaded", bounds(270, 290, 640, 8));
     slot.assert("Transmitter::slot, fired", bounds(220, 250, 520, 8));
-    // Like `poll`, the call also asks the port for interrupts that may still be pending because an edge was lost.
+    // Like `poll`, `slot` also asks the port for interrupts, since an edge may have been lost.
     skipped.assert("Transmitter::slot, nothing fired", bounds(90, 105, 240, 8));
     due.assert("Ticket::due", bounds(65, 50, 110, 32));
 }

@@ -14,7 +14,7 @@ use profile::{
 
 pub(super) const COMMAND_RESERVED: usize = CommandObject::SIZE - 12 - 4;
 
-/// Values whose bytes occur nowhere else in an object.
+/// Values for the fields. Their bytes occur nowhere else in an object.
 const U16: u16 = 0x5AC3;
 const U32: u32 = 0xA1B2_C3D4;
 const F32: f32 = f32::from_bits(0x41A1_B2C3);
@@ -30,12 +30,12 @@ pub(crate) enum Kind {
     Axes,
     Counts,
     Acknowledged,
-    /// A status word, with the prefix of its bits in C.
+    /// A status word. In C the names of its bits begin with this prefix.
     Status(&'static str),
     Word,
     Bytes,
     Zero,
-    /// A CRC of this name, over the bytes from the field `from` up to the CRC.
+    /// A CRC of this name, which covers the bytes from the field `from` up to the CRC.
     Crc {
         name: &'static str,
         from: usize,
@@ -101,7 +101,7 @@ impl Field {
     }
 }
 
-/// An object, with the fields found so far.
+/// An object of the map, with those of its fields that were found so far.
 pub(crate) struct Object {
     pub(crate) name: &'static str,
     pub(crate) title: &'static str,
@@ -232,7 +232,7 @@ pub(super) fn structs() -> Result<String> {
     Ok(all()?.iter().map(Object::structure).collect())
 }
 
-/// Adds the fields of a value type. Each is found in an object in which only that field is set.
+/// Adds the fields of a value type. To find a field, an object is sealed in which only that field is set.
 macro_rules! fields {
     ($object:ident, $blank:expr, $seal:expr; $($name:ident: $value:expr, $unit:literal, $what:literal;)*) => {
         $object$(.field(
@@ -283,7 +283,7 @@ fn reported() -> Result<Object> {
     let blank = ReportedValues::absent(0);
     let all = ReportedStatus::from_bits(u16::MAX);
     let status = ReportedPosition::seal(&ReportedValues { status: all, ..blank });
-    // Latitude and longitude are set: unknown ones could make the CRCs seem to cover other fields.
+    // Latitude and longitude get values here. If they were unknown, the CRCs could seem to cover other fields.
     let sealed = ReportedPosition::seal(&ReportedValues { latitude: F64, longitude: -F64, ..blank });
     let axes = [F32, -F32, F32 + 1.0];
     let accelerated = ReportedPosition::seal(&ReportedValues { acceleration: axes, ..blank });

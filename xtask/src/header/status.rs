@@ -15,13 +15,13 @@ use super::defines;
 /// The bit's name, mask and meaning.
 type Bit = (&'static str, u16, &'static str);
 
-/// How a code of several bits is read.
+/// The way in which a code of several bits is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Code {
     Number,
     /// The code is a value of the enumeration of this name.
     Enumeration(&'static str),
-    /// The code is an age in steps.
+    /// The code is an age, stated in steps of a fixed duration.
     Age,
 }
 
@@ -32,11 +32,11 @@ pub(crate) struct Bits {
     pub(crate) name: &'static str,
     pub(crate) mask: u16,
     pub(crate) what: &'static str,
-    /// How the code is read; `None` for a bit.
+    /// The way in which the code is read; `None` for a single bit.
     pub(crate) code: Option<Code>,
 }
 
-/// A status word, whose bits are in order and fill `used`.
+/// A status word. Its bits are in order and fill the mask `used`.
 pub(crate) struct Word {
     pub(crate) prefix: &'static str,
     pub(crate) title: &'static str,
@@ -47,7 +47,7 @@ pub(crate) struct Word {
 pub(crate) struct Enumeration {
     pub(crate) name: &'static str,
     pub(crate) title: &'static str,
-    /// The beginning of each value's name in C, after HORUS_DPR_.
+    /// The beginning of the name in C, after HORUS_DPR_, of each value of an enumeration.
     prefix: &'static str,
     pub(crate) values: Vec<(&'static str, u8, &'static str)>,
 }

@@ -84,7 +84,7 @@ pub(super) fn description() -> Result<String> {
 
 fn enumeration(name: &str, values: &[(u32, String)]) -> String {
     values.iter().fold(format!("  {name}:\n"), |mut text, (value, word)| {
-        // A name cannot begin with a digit.
+        // A name in Kaitai Struct must not begin with a digit.
         let digit = word.starts_with(|first: char| first.is_ascii_digit());
         let _ = writeln!(text, "    {value}: {}{}", if digit { "fix_" } else { "" }, word.to_lowercase());
         text
@@ -112,7 +112,7 @@ fn structure(object: &Object, words: &[Word]) -> String {
                 None => format!("(status & 0x{mask:04x}) != 0"),
                 Some(_) => format!("(status & 0x{mask:04x}) >> {shift}"),
             };
-            // The prefix is needed because Port-Status has a field and a bit of one name.
+            // The prefix `status_` is needed, because a field and a bit of Port-Status have the same name.
             let _ = writeln!(text, "      status_{}:\n        value: {value}", name.to_lowercase());
             if let Some(Code::Enumeration(name)) = code {
                 let _ = writeln!(text, "        enum: {name}");

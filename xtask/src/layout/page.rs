@@ -127,7 +127,7 @@ fn cell(field: &Field) -> String {
     format!("{kind} `{name}`{colon}")
 }
 
-/// Returns the bits of status words, beside one another.
+/// Returns a table of the bits of several status words, with one column for each word.
 fn bits(words: &[&Word]) -> String {
     let mut text = "| bit ".to_owned();
     for word in words {

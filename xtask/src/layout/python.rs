@@ -140,7 +140,7 @@ fn class_name(object: &str) -> String {
 fn enumeration<'a>(name: &str, title: &str, values: impl Iterator<Item = (&'a str, u32, &'a str)>) -> String {
     let mut text = format!("\n\nclass {name}(IntEnum):\n    \"\"\"{title}\"\"\"\n\n");
     for (value, number, what) in values {
-        // A name cannot begin with a digit.
+        // A name in Python must not begin with a digit.
         let value =
             if value.starts_with(|first: char| first.is_ascii_digit()) { format!("FIX_{value}") } else { value.into() };
         let comment = if what.is_empty() { String::new() } else { format!("  #: {what}") };

@@ -6,7 +6,7 @@ use serde_json::Value;
 
 pub(super) const PATH: &str = "wireshark/horus.lua";
 
-/// What the dissector needs of the description.
+/// The parts of the layout's description that the Wireshark dissector needs.
 const PARTS: [&str; 9] = [
     "commands",
     "crcs",
@@ -30,7 +30,7 @@ pub(super) fn dissector() -> Result<String> {
     Ok(template.replace("@layout@", &lua(&Value::Object(layout), 0)))
 }
 
-/// Returns a value in Lua. What fits on a line is on one.
+/// Returns the value in Lua's syntax, on one line if it fits.
 fn lua(value: &Value, depth: usize) -> String {
     let entries: Vec<String> = match value {
         Value::Array(values) => values.iter().map(|value| lua(value, depth + 1)).collect(),

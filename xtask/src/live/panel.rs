@@ -119,7 +119,7 @@ async fn break_thing(State(panel): State<Panel>, headers: HeaderMap, RawQuery(qu
     }
 }
 
-/// Answers `POST /well`: ends all faults or, with `?what=CODE`, that one.
+/// Answers `POST /well`: ends all faults or, with `?what=CODE`, one fault.
 async fn all_well(State(panel): State<Panel>, headers: HeaderMap, RawQuery(query): RawQuery) -> Response {
     if !is_from_here(&headers) {
         return (StatusCode::FORBIDDEN, "this is for the panel's own page").into_response();

@@ -60,7 +60,7 @@ fn a_new_dpr_board_needs_a_full_erase_before_writing() {
     assert!(on.kept().iter().all(|&byte| byte == 0xFF), "nothing was written");
     assert_eq!(flash(&on, Board::Dpr, &elf, true), Ok(()));
     assert!(holds(&on, &elf, 0));
-    // UICR follows the flash in the kept memory. The compared word is UICR.APPROTECT.
+    // The kept memory has UICR behind the flash. This word is UICR.APPROTECT.
     assert_eq!(on.kept()[(1 << 20) + 0x208..][..4], [0x5A, 0, 0, 0]);
 }
 
@@ -71,7 +71,8 @@ fn a_running_dpr_board_is_written_again_without_a_full_erase() {
     on.switch_off_and_on();
     on.run(500_000_000);
     assert_eq!(flash(&on, Board::Dpr, &elf, false), Ok(()));
-    // The watchdog continues after a soft reset, and is fed while the flash algorithm runs. So only soft resets occur.
+    // All restarts are soft resets: the watchdog, which continues after a soft reset, is fed while the flash algorithm
+    // runs.
     let restarts = on.restarts();
     assert!(restarts.len() >= 2 && restarts.iter().all(|why| why.ends_with("by software")), "{restarts:?}");
     assert!(holds(&on, &elf, 0));

@@ -10,7 +10,8 @@
 //! | nRF52840 | fed between the probe's transfers ([`fed`]) | soft resets do not end it, nothing stops it (PS v1.7) |
 //! | STM32F429 | a halt stops it (DBG_IWDG_STOP) | a reset ends it; HORUS clears that bit (RM0090, 38.16.4) |
 //!
-//! The core is halted first. A running or half-written firmware would undo the measure.
+//! The core is halted before the watchdog is handled, because a running or half-written firmware would undo the
+//! measure.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -45,8 +46,8 @@ const APB1_FREEZE: u64 = 0xE004_2008;
 /// DBG_IWDG_STOP of DBGMCU_APB1_FZ, which stops the watchdog while the core is halted.
 const IWDG_STOP: u32 = 1 << 12;
 
-/// The number of attempts to halt the core. An attempt fails if the watchdog resets the core during it; two such resets
-/// are 100 ms apart.
+/// How often to try to halt the core. An attempt fails if the watchdog resets the core during it. Two such resets are
+/// 100 ms apart.
 const HALTS: usize = 3;
 
 pub(super) fn target(board: Board) -> Result<Target> {
@@ -57,7 +58,7 @@ pub(super) fn target(board: Board) -> Result<Target> {
 }
 
 /// Makes the probe feed an nRF52840's watchdog between its transfers. Returns the probe and the handle that ends the
-/// feeding. A probe that the library does not use in single transfers is returned unchanged.
+/// feeding. A probe with which the library does not make single transfers is returned unchanged.
 pub(super) fn fed(mut probe: Box<dyn DebugProbe>) -> (Box<dyn DebugProbe>, Feeding) {
     let feeding = Feeding(Arc::new(AtomicBool::new(true)));
     if probe.try_as_dap_probe().is_none() {
@@ -76,7 +77,7 @@ impl Feeding {
     }
 }
 
-/// CSW of the AHB-AP in its bank 0, by address bits A\[3:2\] (ADIv5.2 C2.6).
+/// The address of CSW in bank 0 of the AHB-AP, by address bits A\[3:2\] (ADIv5.2 C2.6).
 const CSW: u8 = 0x0;
 /// TAR of the AHB-AP in its bank 0.
 const TAR: u8 = 0x4;
@@ -269,7 +270,7 @@ impl ArmDebugSequence for Watched {
         self.library.debug_device_unlock(interface, default_ap, permissions)
     }
 
-    /// Halts the core from this step until it is started.
+    /// Keeps the core halted from this step on until it is started.
     fn debug_core_start(
         &self,
         interface: &mut dyn ArmDebugInterface,
@@ -283,7 +284,7 @@ impl ArmDebugSequence for Watched {
         for _ in 0..HALTS {
             memory.write_word_32(DHCSR, HALT)?;
             self.see_to(&mut *memory)?;
-            // A reset after the request to halt makes the core run.
+            // The core runs again if a reset came after the request to halt it.
             if memory.read_word_32(DHCSR)? & S_HALT != 0 {
                 return Ok(());
             }

@@ -8,9 +8,9 @@
 //! restarted and no longer knows what it acknowledged.
 //! If its acknowledgement still comes, the command's state changes once more.
 //!
-//! The hold acknowledges numbers and does not know which station sent one. So a drone's hold is commanded by one
-//! station, and a station that has just begun waits for [`SETTLES_US`], until no uplink of an earlier run of it is
-//! under way that could be acknowledged in place of its own.
+//! The hold acknowledges numbers and does not know which station sent one. So only one station commands a drone's hold.
+//! A station that has just started first waits for [`SETTLES_US`]. Otherwise the hold could acknowledge an uplink of
+//! the station's earlier run, and the station could take that for the answer to its own command.
 
 use std::collections::BTreeMap;
 
@@ -28,11 +28,11 @@ pub const AGAIN_US: u64 = 200_000;
 /// How long a command is repeated without an acknowledgement, µs.
 pub const GIVES_UP_US: u64 = 5_000_000;
 
-/// The time from the first Hold-Status that the station received of a drone to the first command, µs: twice the
+/// The time from the station's first Hold-Status of a drone to its first command, µs: twice the
 /// [age](profile::hold::COMMAND_AGE_MS) at which the DPR no longer hands an uplink to the hold.
 pub const SETTLES_US: u64 = 2_000 * profile::hold::COMMAND_AGE_MS as u64;
 
-/// The state of a command.
+/// The state of a command to a hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum CommandState {
     /// The command is sent, and its outcome is not known.
@@ -41,7 +41,7 @@ pub enum CommandState {
     Done,
     /// The hold's own limits forbid the command.
     Refused,
-    /// The hold does not know the command.
+    /// The hold does not know the command's word.
     Unknown,
     /// The hold received the command too late.
     TooOld,
@@ -87,16 +87,16 @@ pub struct CommandRecord {
     pub number: u16,
     /// The command.
     pub command: HoldCommand,
-    /// The state of the command.
+    /// The state of the command to the hold.
     pub state: CommandState,
     /// The instant at which the command was given, µs.
     pub since_us: u64,
-    /// The instant at which the command came into this state, µs.
+    /// The instant at which the command reached this state, µs.
     pub at_us: u64,
 }
 
 impl CommandRecord {
-    /// Returns whether `other` is a state of the same command.
+    /// Returns whether `other` is the same command, perhaps in another state.
     #[must_use]
     pub fn is_of(&self, other: &Self) -> bool {
         (self.number, self.since_us) == (other.number, other.since_us) && self.drone == other.drone
@@ -133,10 +133,10 @@ struct Line {
     /// The instants at which the first and the newest Hold-Status arrived, µs.
     first_us: u64,
     newest_us: u64,
-    /// The instant of the next uplink, µs.
+    /// The instant at which the next uplink is due, µs.
     due_us: u64,
     last: Option<CommandRecord>,
-    /// [`HoldState::strange`] when the last command was given.
+    /// The value of [`HoldState::strange`] at the time when the last command was given.
     strange: u64,
 }
 
@@ -173,8 +173,8 @@ impl Commander {
         Ok(record)
     }
 
-    /// Reads the acknowledgements that have arrived until `now_us`. Returns the drones to which an uplink is due, each
-    /// with the uplink's payload; `told` gets each change of a command's state.
+    /// Reads the acknowledgements that have arrived until `now_us`, and passes each change of a command's state to
+    /// `told`. Returns the drones to which an uplink is due, each with the uplink's payload.
     pub fn tick(
         &mut self,
         now_us: u64,

@@ -53,7 +53,7 @@ pub struct Rates {
     pub standard_us: u64,
 }
 
-/// 10 Hz within 3 kB/s, without standard messages.
+/// The default rates: 10 Hz within 3 kB/s, without standard messages.
 impl Default for Rates {
     fn default() -> Self {
         Self { bytes_per_s: 3_000, period_us: 100_000, standard_us: 0 }
@@ -74,8 +74,8 @@ pub struct Forwarder {
     rates: Rates,
     signer: Option<Signer>,
     newest: [Option<Newest>; Place::COUNT],
-    /// The instant, µs, at which each message of [`UNITS`] is due: one period after it was last due, even if it was
-    /// sent late.
+    /// The instant, µs, at which each message of [`UNITS`] is due next: one period after the last time that it was due,
+    /// even if it was sent late.
     due_us: [u64; UNITS.len()],
     others_turn: bool,
     /// The budget, in millionths of a byte, and the instant, µs, for which it was calculated.
@@ -144,7 +144,7 @@ impl Forwarder {
         let brought = now_us.saturating_sub(at_us).saturating_mul(u64::from(self.rates.bytes_per_s));
         let most = LONGEST.max(u64::from(self.rates.bytes_per_s) / 10).saturating_mul(1_000_000);
         self.bucket = (held.saturating_add(brought).min(most), now_us);
-        // The budget must suffice for the longest message, or short messages would overtake long ones.
+        // The budget must always suffice for the longest message. Otherwise short messages would overtake long ones.
         if self.bucket.0 < LONGEST * 1_000_000 {
             return None;
         }
@@ -181,7 +181,7 @@ impl Forwarder {
             let fresh = |place: Place| self.newest[place.index()].is_some_and(|newest| newest.fresh);
             now_us >= self.due_us[unit] && self.places(unit).any(fresh)
         };
-        // Among the messages without Reported-Position, the one that has been due longest comes first.
+        // The message without Reported-Position that has been due longest has the first turn.
         let others = (1..UNITS.len()).filter(|unit| is_due(*unit)).min_by_key(|unit| self.due_us[*unit]);
         let unit = match others {
             Some(unit) if self.others_turn || !is_due(0) => unit,

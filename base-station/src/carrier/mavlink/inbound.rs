@@ -22,8 +22,8 @@ use super::receiver::{Received, Receiver};
 use super::signing::Verifier;
 use crate::Place;
 
-/// The time until the map shows an uplink that was passed on to be written, µs: a control cycle for writing, up to two
-/// images of 10 ms, and a control cycle for reading.
+/// The time after which the map shows an uplink that was passed on to be written, µs: a control cycle for writing, up
+/// to two images of 10 ms, and a control cycle for reading.
 pub const SHOWN_AFTER_US: u64 = 40_000;
 
 /// Totals of the uplinks that a flight controller received.
@@ -31,7 +31,7 @@ pub const SHOWN_AFTER_US: u64 = 40_000;
 pub struct Counts {
     /// The number of times that an uplink was passed on to be written over the SSI.
     pub written: u64,
-    /// The number of messages with an uplink that the DPR showed already.
+    /// The number of messages with an uplink that the DPR already showed when they came.
     pub repeated: u64,
     /// The number of signed messages for another system, or without an intact uplink of the base station.
     pub foreign: u64,
@@ -62,7 +62,7 @@ impl Inbound {
         self.take(now_us, &received)
     }
 
-    /// Processes the next bytes of a stream, otherwise like [`datagram`](Self::datagram).
+    /// Processes the next bytes of a stream. Apart from that, it is like [`datagram`](Self::datagram).
     pub fn stream(&mut self, now_us: u64, unix_us: u64, bytes: &[u8]) -> Option<Uplink> {
         let received = self.receiver.stream(unix_us, bytes);
         self.take(now_us, &received)

@@ -1,4 +1,4 @@
-//! Why the station does not send what a user of the page asked for.
+//! The reasons why the station does not send what a user of the page asked for.
 
 /// The reason why an uplink, or a command to a hold, is not sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,7 +13,7 @@ pub enum NotSent {
     TooMany,
     /// This station sends no commands to holds.
     NoCommands,
-    /// There is no present Hold-Status of this drone, so the command cannot be numbered.
+    /// The drone has no present Hold-Status, so the command cannot be numbered.
     NoHold,
     /// Hold-Status has come for less than 2 s, so an earlier command may be under way.
     HoldIsNew,

@@ -19,7 +19,7 @@ use super::signing::{self, Verifier};
 use super::tunnel::Tunnel;
 use crate::{Bundle, Who};
 
-/// A message with objects.
+/// A received message that carries objects.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Received {
     /// MAVLink's system id, which identifies the drone.
@@ -87,14 +87,14 @@ impl Receiver {
         Self { verifier, ..Self::default() }
     }
 
-    /// Processes a datagram of whole messages and returns those with objects. `unix_us`, µs since 1970, is only used
-    /// for signatures.
+    /// Processes a datagram of whole messages, and returns the messages with objects. `unix_us`, µs since 1970, is only
+    /// used for signatures.
     pub fn datagram(&mut self, unix_us: u64, bytes: &[u8]) -> Vec<Received> {
         let (mut received, mut at) = (vec![], 0);
         self.counts.version_1 += u64::from(bytes.first() == Some(&MAV_STX));
         while at < bytes.len() {
             at = self.all(unix_us, bytes, at, &mut received);
-            // A datagram cannot be continued, so the search for a message continues at the next byte.
+            // A message in a datagram cannot continue in the next datagram. So the search goes on at the next byte.
             at += 1;
         }
         received
@@ -163,7 +163,7 @@ enum Begin {
     Short,
     /// The bytes are no message, or a TUNNEL with a wrong checksum.
     None { bad_crc: bool },
-    /// The bytes begin with a message whose checksum is right.
+    /// The bytes begin with a message that has a right checksum.
     Message(Box<MAVLinkV2MessageRaw>),
 }
 

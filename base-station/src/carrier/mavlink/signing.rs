@@ -1,8 +1,8 @@
 //! Signs and verifies MAVLink 2 messages; the time is an argument.
 //!
 //! A signature is the first 48 bits of SHA-256 over a secret key, the message, a link's number and a timestamp in units
-//! of 10 µs since 2015-01-01 (mavlink.io, *Message Signing*). It proves that the sender has the key and did not replay
-//! the message. It does not replace the objects' own checks.
+//! of 10 µs since 2015-01-01 (mavlink.io, *Message Signing*). A valid signature proves that the sender has the key and
+//! did not replay the message. It does not replace the objects' own checks.
 
 use core::fmt;
 use std::collections::BTreeMap;
@@ -69,7 +69,7 @@ impl Signer {
     }
 
     /// Signs a message at `now` ([`timestamp`]). The message must have been serialised with the flag for signed
-    /// messages. Each message gets a later timestamp than the last one.
+    /// messages. The timestamp of each message is later than that of the message before.
     pub fn sign(&mut self, now: u64, message: &mut MAVLinkV2MessageRaw) {
         self.last = now.max(self.last + 1);
         *message.signature_link_id_mut() = self.link;

@@ -158,7 +158,8 @@ fn the_budget_holds_over_every_second() {
     }
 }
 
-/// Returns the rates of Reported-Position and of the rarest GPS object, in tenths per second, and the bytes per second.
+/// Returns what a forwarder sends: the rates of Reported-Position and of the rarest GPS object, in tenths per second,
+/// and the bytes per second.
 fn rates(receivers: usize, bytes_per_s: u32) -> (u32, u32, usize) {
     let mut forwarder = Forwarder::new(7, 1, Rates { bytes_per_s, ..Rates::default() });
     let mut receiver = Receiver::default();
@@ -346,7 +347,7 @@ fn noise() -> impl Strategy<Value = Vec<u8>> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 100, ..ProptestConfig::default() })]
 
-    /// Every whole message is found in a stream of foreign bytes that is cut anywhere, and nothing else is found.
+    /// The receiver finds every whole message, and nothing else, in a stream with foreign bytes that is cut anywhere.
     #[test]
     fn a_stream_is_read_whatever_is_between_and_however_it_is_cut(
         noises in prop::collection::vec(noise(), 1..12),

@@ -74,14 +74,14 @@ impl MessageData for Tunnel {
         let (to_head, to_payload) = payload[..Self::ENCODED_LEN].split_at_mut(head.len());
         to_head.copy_from_slice(&head);
         to_payload.copy_from_slice(&self.payload);
-        // MAVLink 2 omits trailing zeros of the payload, but never its first byte.
+        // MAVLink 2 omits the trailing zeros of a payload, but never the payload's first byte.
         let used = payload[..Self::ENCODED_LEN].iter().rposition(|byte| *byte != 0);
         used.map_or(1, |last| last + 1)
     }
 
     fn deser(_version: MavlinkVersion, input: &[u8]) -> Result<Self, ParserError> {
         let mut whole = [0; Self::ENCODED_LEN];
-        // Fields that a later version may have appended are ignored.
+        // A later version may append fields, which are ignored.
         let given = input.len().min(whole.len());
         whole[..given].copy_from_slice(&input[..given]);
         let [low, high, target_system, target_component, length, payload @ ..] = whole;

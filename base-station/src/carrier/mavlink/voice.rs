@@ -60,7 +60,7 @@ pub const AGAIN_US: u64 = 250_000;
 /// How long an uplink is repeated without an answer, µs.
 pub const GIVES_UP_US: u64 = 5_000_000;
 
-/// The time after the first sending of an uplink within which an answer may belong to an earlier uplink, µs.
+/// The time after an uplink was first sent during which an answer may still belong to an earlier uplink, µs.
 pub const ANSWERS_US: u64 = 1_000_000;
 
 /// The greatest number of drones for which the last uplink is kept.
@@ -75,7 +75,7 @@ pub enum State {
     Written,
     /// The DPR has not stored the uplink. The text is the reason, if Port-Status gives one.
     Refused(String),
-    /// The time for an answer is over.
+    /// The time within which an answer must come is over.
     Unanswered,
 }
 
@@ -91,7 +91,7 @@ impl State {
         }
     }
 
-    /// Returns the reason why the uplink was refused, if it was.
+    /// Returns the reason for which the uplink was refused; `None` if it was not refused.
     #[must_use]
     pub fn why(&self) -> Option<&str> {
         match self {
@@ -128,7 +128,7 @@ pub struct Sending {
     first: Option<PortValues>,
 }
 
-/// The destination of a message: a line, and an address on that line if it has addresses.
+/// The destination of a message: a line, and an address on that line if the line has addresses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct To {
     /// The number of the line; `None` stands for every line without addresses.
@@ -180,7 +180,7 @@ impl Voice {
         self
     }
 
-    /// Enables commands to holds in place of uplinks, if there is a signer for them.
+    /// Enables commands to holds instead of users' uplinks, if there is a signer for them.
     #[must_use]
     pub fn with_commands(mut self) -> Self {
         self.uplinks = None;
@@ -361,9 +361,9 @@ impl Voice {
     }
 }
 
-/// Seals an uplink with a timestamp that is later than the one `sealed` before.
+/// Seals an uplink. Its timestamp is later than the last one, `sealed`.
 fn seal(sealed: &mut Option<u32>, now_us: u64, status: UplinkStatus, payload: [u8; Uplink::PAYLOAD]) -> Uplink {
-    // The low 32 bits of the time wrap every 50 days. The DPR accepts a timestamp after it has wrapped.
+    // Every 50 days the low 32 bits of the time wrap. The DPR accepts a timestamp after a wrap.
     let now_ms = (now_us / 1_000) as u32;
     let timestamp = match *sealed {
         Some(before) if now_ms.wrapping_sub(before).cast_signed() <= 0 => before.wrapping_add(1),

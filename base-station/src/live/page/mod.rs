@@ -231,7 +231,7 @@ async fn events(State(page): State<Page>, RawQuery(query): RawQuery) -> Response
         }
         let Round { drones, next, with, .. } = &mut round;
         let Asked { name, shown } = &mut drones[*next];
-        // A connection keeps the drone that it shows. Another drone that appears later does not replace it.
+        // Once a connection has shown a drone, it keeps showing that drone, even if another drone appears.
         if shown.is_none() {
             *shown = page.station.known().intake.fleet().iter().next().map(|(id, _)| id.to_string());
         }

@@ -67,7 +67,7 @@ fn station() -> (Station, watch::Sender<u64>) {
 }
 
 fn run<T>(test: impl Future<Output = T>) -> T {
-    // Time is virtual and advances only when all tasks wait. So the tests do not depend on the machine's speed.
+    // Virtual time advances only while all tasks wait, so the tests do not depend on the machine's speed.
     let runtime = tokio::runtime::Builder::new_current_thread().enable_time().start_paused(true).build().unwrap();
     runtime.block_on(test)
 }
@@ -96,7 +96,7 @@ fn every_answer_has_the_policy_and_nothing_is_fetched_from_elsewhere() {
         for path in &served[..5] {
             let text = text(ask(&router, Method::GET, path, "localhost").await).await;
             assert!(text.len() > 500 && !text.contains("http://") && !text.contains("https://"), "{path}");
-            // The content security policy would refuse inline styles and handlers.
+            // The page's content security policy would refuse inline styles and handlers.
             assert!(!text.contains("style=") && !text.contains("onclick=") && !text.contains("innerHTML"), "{path}");
         }
     });

@@ -1,15 +1,15 @@
 //! Compares the objects that the base station shows with those that the flight controller forwarded.
 //!
-//! The flight controller has to forward a profile at once when a transaction reads it complete and intact, and when its
-//! cycle is not the last one forwarded. This is not required while [`Excuse::Service`] holds.
+//! The flight controller has to forward a profile at once when a transaction reads it complete and intact, unless it
+//! has already forwarded that cycle. While [`Excuse::Service`] holds, it need not forward profiles.
 //!
 //! # One cause, one violation
 //!
 //! - If bytes change on the way to the base station, only [`Violation::BaseChanged`] is reported, and not also a
 //!   missing profile.
 //! - If the base station shows objects of several cycles as one profile, only [`Violation::BaseMixed`] is reported. If
-//!   the flight controller already read that mixture, another rule reports its transaction.
-//! - In a profile that mixes cycles, an object that the base station does not show is not reported as missing.
+//!   the flight controller already read these objects together, another rule reports its transaction.
+//! - In a profile that mixes cycles, the base station may leave objects out, and none is reported as missing.
 
 use std::collections::VecDeque;
 
@@ -19,16 +19,17 @@ use super::Rule;
 use crate::disturbance::Excuse;
 use crate::{Context, Event, Figures, Findings, Header, Violation, What, bounds};
 
-/// The flight controller forwards each profile at once, so a few profiles are enough.
+/// The number of profiles that are kept between flight controller and base station. Each is forwarded at once, so a few
+/// are enough.
 const READ: usize = 4;
 
 /// The rule that compares what the base station shows with what was forwarded; see the [module](self).
 #[derive(Clone, Debug)]
 pub struct Base {
     read: VecDeque<Vec<u8>>,
-    /// The profiles that were forwarded and have not arrived, each with the instant, ns, at which it was forwarded.
+    /// The profiles on their way, each with the instant, ns, at which it was forwarded.
     outstanding: VecDeque<(u64, Vec<u8>)>,
-    /// The instants, ns, at which profiles arrived that were not forwarded.
+    /// The instants, ns, at which profiles arrived that the flight controller had not forwarded.
     strange: VecDeque<u64>,
     /// The instant, ns, and the timestamp, ms, of the profile that has to be forwarded at once.
     owed: Option<(u64, u32)>,
@@ -133,7 +134,7 @@ impl Base {
         }
     }
 
-    /// Reports each profile that was forwarded before `until` and has not arrived, intact or changed.
+    /// Reports each profile that was forwarded before `until` and did not arrive, neither intact nor changed.
     fn expire(&mut self, until: Option<u64>, findings: &mut Findings) {
         let Some(until) = until else { return };
         while let Some((at, _)) = self.outstanding.pop_front_if(|(at, _)| *at < until) {
@@ -142,7 +143,7 @@ impl Base {
                 findings.add(Violation::BaseMissed, at, || "it did not arrive".into());
             }
         }
-        // A profile that arrived before `until` cannot be one that was forwarded later.
+        // A changed profile that arrived before `until` belongs to none of the profiles forwarded later.
         while self.strange.pop_front_if(|strange| *strange < until).is_some() {}
     }
 }

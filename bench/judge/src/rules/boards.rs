@@ -11,7 +11,7 @@
 //! | the field going off while HORUS runs | HORUS brings its front end up again, and the DPR loses frames |
 //! | a frame that reached the DPR's antenna changed or not at all, for the DPR's counters | no board is at fault |
 //!
-//! A board's counters start from zero at its start. Explanations from before the start do not count any more.
+//! A board's counters start from zero at its start. An explanation from before the start does not count any more.
 //!
 //! | board | counter | counts |
 //! |---|---|---|
@@ -24,13 +24,13 @@
 //! | DPR | `overruns` | frames lost because commit and scrub were late by a cycle |
 //! | DPR | `images_expired` | images that none replaced in time |
 //!
-//! A line's counter may carry a prefix that ends in a full stop, as in `lines.0.overruns`.
+//! The name of a counter of a receiver's line may begin with the line and a full stop, as in `lines.0.overruns`.
 //!
 //! # A board that hangs
 //!
-//! The bench can stop a board's core. The board's watchdog must then restart the board within the watchdog's longest
-//! time, unless the board restarts for another reason or loses its supply before. This watchdog reset counts as asked
-//! for. Until the restart, misuse of the board's front end is not reported. A board that stays hung is reported once.
+//! If the bench stops a board's core, the board's watchdog must restart the board within the watchdog's longest time,
+//! unless the board restarts for another reason or loses its supply first. That restart is no violation. Until it
+//! comes, misuse of the board's front end is not reported.
 //!
 //! A board with a dead task ([`Disturbance::DeadTask`]) is judged like a board that hangs, with two differences. Its
 //! watchdog may be fed once more, because the dead task may have checked in just before. Misuse of its front end is
@@ -74,21 +74,23 @@ struct Complaint {
 /// The rule that judges restarts, findings, misuse, load and counters of both boards; see the [module](self).
 #[derive(Clone, Debug)]
 pub struct Boards {
-    /// The share of the DPR's time that the port of a hold may take, in ten thousandths.
+    /// The share of the DPR's processor time, in ten thousandths, that the hold's port may take.
     hold_load: u32,
     injected: BTreeMap<String, u64>,
     /// For HORUS and for the DPR, whether the log explains the faults counted since the last start.
     explained: [bool; 2],
-    /// The core faults after which the board has not restarted yet: the board, the instant, ns, and the fault in words.
+    /// The boards that have met a core fault and have not restarted yet, each with the instant (ns) and the fault in
+    /// words.
     faulted: Vec<(Board, u64, String)>,
     /// The board and the instant, ns, of the last restart that was not asked for.
     restarted: Option<(Board, u64)>,
-    /// The instant, ns, by which each hung board must have restarted; `None` once reported.
+    /// The instant, ns, by which each hung board must have restarted; `None` after a late restart was reported.
     restart_due: [Option<u64>; 2],
-    /// How long each board has been stopped, ns, and the instant, ns, since which it is stopped now.
+    /// For each board, how long its core has been stopped, ns, and the instant, ns, since which it is stopped at
+    /// present.
     stopped: [(u64, Option<u64>); 2],
     field: bool,
-    /// The last frame that HORUS sent whole, until it has reached the antenna.
+    /// The last whole frame that HORUS sent, until the frame reaches the antenna.
     on_the_way: Option<Vec<u8>>,
     complaints: Vec<Complaint>,
 }
@@ -128,7 +130,7 @@ impl Rule for Boards {
                 let ends_hang = context.running(*board).ended_hang && *cause == Cause::Watchdog;
                 if !asked && !ends_hang {
                     self.restarted = Some((*board, at));
-                    // The report of the restart covers the core fault that led to the restart.
+                    // A restart that follows from a core fault is reported, so the core fault itself is not.
                     let ended_so = |(of, fault_at, _): &(Board, u64, String)| {
                         of == board && at <= fault_at + bounds::WATCHDOG_LONGEST
                     };
@@ -154,7 +156,7 @@ impl Rule for Boards {
                 }
             }
             What::Sent { bytes, whole, .. } => {
-                // The frame that HORUS sent before has been lost on the air.
+                // The frame that HORUS sent before never reached the antenna, so the air lost it.
                 self.explained[Board::Dpr as usize] |= self.on_the_way.is_some();
                 self.on_the_way = whole.then(|| bytes.to_vec());
             }
@@ -162,14 +164,14 @@ impl Rule for Boards {
                 let as_sent = self.on_the_way.take().is_some_and(|sent| sent == bytes.0);
                 self.explained[Board::Dpr as usize] |= !whole || !as_sent;
             }
-            // The log has the restart after a lock-up before this finding.
+            // A lock-up's restart is logged before the finding of the lock-up, so the core has restarted already.
             What::Finding { board, fault: true, text } => {
                 if self.restarted != Some((*board, at)) {
                     self.faulted.push((*board, at, text.clone()));
                 }
             }
             What::Finding { board, text, .. } => findings.add(Of::FINDING.board(*board), at, || text.clone()),
-            // A firmware that cannot read from its front end does not know the front end's state.
+            // A firmware that cannot read from its front end cannot know the front end's state.
             What::Misuse { board, .. } if context.disturbances().excuse(front_end_use(*board), at) => {}
             What::Misuse { board, .. } if context.running(*board).hung.is_some() => {}
             What::Misuse { board, text } => {
@@ -234,7 +236,7 @@ impl Boards {
         *stopped += since.take().map_or(0, |since| at.saturating_sub(since));
     }
 
-    /// Reports each board that is still hung although its watchdog should have restarted it.
+    /// Reports each board that hangs although its watchdog should have restarted it.
     fn pass(&mut self, now: u64, findings: &mut Findings) {
         for board in [Board::Horus, Board::Dpr] {
             if let Some(due) = self.restart_due[board as usize].take_if(|due| now > *due) {
@@ -244,7 +246,8 @@ impl Boards {
     }
 }
 
-/// Returns the longest time, ns, in which a watchdog restarts a board that hangs `after_start` ns after its start.
+/// Returns the longest time, ns, until the watchdog restarts a board that began to hang `after_start` ns after its
+/// start.
 const fn watchdog_longest(board: Board, after_start: u64) -> u64 {
     match board {
         Board::Horus if after_start < bounds::WATCHDOG_FED => bounds::FIRST_WATCHDOG_LONGEST,
@@ -276,7 +279,7 @@ mod tests {
 
     const BOARDS: [Board; 2] = [Board::Horus, Board::Dpr];
 
-    /// Returns a run in which nothing explains a fault counter that is not zero.
+    /// Returns a run in which a fault counter above zero has no explanation.
     fn run() -> Events {
         let mut events = Events::flawless(3, 10);
         let heard: Vec<_> = events
@@ -397,7 +400,8 @@ mod tests {
     const STAYS: [Violation; 2] = [Violation::HorusStaysHung, Violation::DprStaysHung];
     const RESTARTED: [Violation; 2] = [Violation::HorusRestarted, Violation::DprRestarted];
 
-    /// Returns the violations if a board hangs at 50 ms and `what` happens `after` that, in a run until 600 ms.
+    /// Returns the violations of a run of 600 ms in which a board hangs at 50 ms, and `what` happens `after` the hang
+    /// began.
     fn hung(board: Board, after: u64, what: What) -> Vec<(Violation, u64, u64)> {
         let mut events = run();
         events.add(50 * MS, What::Hung { board }).add(50 * MS + after, what).end(600 * MS);
@@ -545,7 +549,7 @@ mod tests {
         assert_eq!(broken(&events), []);
     }
 
-    /// Returns the violations in a run in which both firmwares count faults and one change is made.
+    /// Returns the violations of a run in which both firmwares count faults and which `change` has changed.
     fn complaining(change: impl FnOnce(&mut Events)) -> Vec<Violation> {
         let mut events = run();
         events.add(100 * MS, counter(Board::Horus, "rf_faults", Some(1)));
@@ -653,7 +657,7 @@ mod tests {
                     *whole = false;
                 }
             }
-            // A whole frame follows the frame that broke off.
+            // HORUS sends a whole frame after the frame that broke off.
             let bytes = events.events.iter().find_map(|event| match &event.what {
                 What::Sent { bytes, .. } => Some(bytes.clone()),
                 _ => None,

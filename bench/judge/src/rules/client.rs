@@ -6,13 +6,14 @@
 //! | states another age than that of the sample that it read last | `ClientAge` |
 //! | has no position although it has read [`bounds::CLIENT_FINDS`] valid ones in sequence | `ClientHides` |
 //!
-//! A sample's age follows from the instant at which its frame reached the DPR's antenna, and from the frame's slot. A
-//! delay on the air before the antenna is not known. If a sample arrived several times, its age may count from any
-//! instant between the first and the last arrival. The client learns the age only from Link-Status and the time since
-//! FRESH rose, so it may use a lower age that Link-Status stated. Another rule judges Link-Status.
+//! A sample's age follows from the instant at which its frame reached the DPR's antenna, and from the frame's slot; a
+//! delay on the air does not count. If the sample arrived several times, its age may count from any arrival.
 //!
-//! The client need not have a position while data are out of sequence or disturbed. While [`Excuse::Service`] holds, no
-//! age is required. Using a forbidden position is always a violation.
+//! The client learns the age only from Link-Status and from the time since FRESH rose. It may therefore use an age that
+//! Link-Status stated too low; rule `link_status` judges Link-Status.
+//!
+//! While data are out of sequence or disturbed, the client need not have a position. While [`Excuse::Service`] holds,
+//! it need not state an age. Using a forbidden position is always a violation.
 
 use std::collections::VecDeque;
 
@@ -26,7 +27,7 @@ use crate::{Context, Event, Findings, Header, Violation, What, bounds};
 
 const AGE_UNIT: u64 = 100_000;
 
-/// How long samples are kept, ns. A client that uses an older sample is reported.
+/// How long samples are kept, ns. A client that uses a sample older than this is reported.
 const KEPT: u64 = 2_000_000_000;
 
 #[derive(Clone, Copy, Debug)]
@@ -50,17 +51,17 @@ struct Read {
 #[derive(Clone, Copy, Debug)]
 struct First {
     timestamp: u32,
-    /// The instant, ns, at which that transaction began.
+    /// The instant, ns, at which the transaction began that first read the sample.
     selected: u64,
-    /// The earliest instant, ns, at which FRESH can have announced the sample.
+    /// The earliest instant, ns, at which FRESH can have announced the sample to the client.
     announced: u64,
-    /// The age that Link-Status stated in that transaction, ns.
+    /// The age, ns, that Link-Status stated when the sample was first read.
     told: u64,
 }
 
 impl First {
-    /// Returns the least and the greatest age, ns, of the sample at the instant `at`, ns, that Link-Status and FRESH
-    /// allow.
+    /// Returns the least and the greatest age, ns, that the sample can have at the instant `at`, ns, by Link-Status and
+    /// FRESH.
     const fn ages(&self, at: u64) -> (u64, u64) {
         let sealed = AGE_UNIT + bounds::SEALED_BEFORE_FRESH;
         (self.told + (at - self.selected), self.told + sealed + (at - self.announced))
@@ -83,7 +84,7 @@ pub struct Client {
     samples: VecDeque<Sample>,
     fresh: u64,
     read: Option<Read>,
-    /// The series of valid samples of consecutive cycles that ends with the sample read last.
+    /// The consecutive cycles whose samples were read as valid, up to the last one.
     row: Option<Row>,
     newest: Option<First>,
     /// The timestamp, ms, of the sample whose wrong age was reported.
@@ -137,7 +138,7 @@ impl Rule for Client {
 }
 
 impl Client {
-    /// Continues the series of valid samples with the sample read last, or begins a new series.
+    /// Adds the sample read last to the series of valid samples, or begins a new series with it.
     fn follow(&mut self) {
         let Some(Read { selected, sample: Some((timestamp, valid)), .. }) = self.read else { return };
         let row = self.row.filter(|row| selected <= row.selected + bounds::EXPIRY);
@@ -160,7 +161,8 @@ impl Client {
             let ages = of(timestamp).map(|sample| selected - sample.at);
             ages.clone().min().zip(ages.max())
         };
-        // The client cannot recognise expired data, or older data than it read before. Another rule reports these.
+        // The client cannot recognise data that have expired or are older than data read before. Another rule reports
+        // such data.
         let before = self.newest;
         if let Some((timestamp, _)) = sample
             && before.is_none_or(|before| before.timestamp != timestamp)
@@ -213,8 +215,8 @@ impl Client {
     }
 }
 
-/// Returns the timestamp and validity of an intact Reported-Position with an intact Link-Status. A position does not
-/// count as valid if its sample may become too old for flying before its image expires.
+/// Returns the timestamp of an intact Reported-Position beside an intact Link-Status, and whether its position is
+/// valid. A position does not count as valid if its sample may become too old to fly by before its image expires.
 fn sample(reading: &Reading) -> Option<(u32, bool)> {
     let placed = reading.objects.first().filter(|placed| placed.index == 0)?;
     match &placed.state {
@@ -261,7 +263,7 @@ mod tests {
         read_as(log, selected, (selected - sampled(n)) / AGE_UNIT, n, valid, position, age);
     }
 
-    /// Like [`read`], with a Link-Status that states the age `told`, in its unit.
+    /// Does what [`read`] does, with the age `told` in Link-Status, in Link-Status's unit.
     fn read_as(
         log: &mut Events,
         selected: u64,
@@ -283,7 +285,8 @@ mod tests {
         found(Client::new(&header(1)), &log.log()).0
     }
 
-    /// Returns the violations if cycle 1 is read `after` its sample, ns, and the client states this position and age.
+    /// Returns the violations if the client reads cycle 1 `after` its sample was taken, ns, and states this position
+    /// and age.
     fn once(after: u64, valid: bool, position: Option<u64>, age: Option<u64>, more: &[(u64, What)]) -> Vec<Violation> {
         let mut log = Events::new(1);
         heard(&mut log, 1, valid);
@@ -318,7 +321,7 @@ mod tests {
         assert_eq!(once(20 * MS, true, Some(1), None, &[]), [], "it says that it does not know");
         let misuse = [(MS, injected(MISUSE, u64::MAX))];
         assert_eq!(once(20 * MS, true, Some(1), Some(0), &misuse), []);
-        // The frame arrives again 5 ms later, and the DPR may have shown either arrival.
+        // One frame arrives twice, 5 ms apart, and the DPR may have shown the sample of either arrival.
         let mut log = Events::new(1);
         heard(&mut log, 1, true);
         let mut again = Events::new(1);
@@ -331,7 +334,8 @@ mod tests {
 
     #[test]
     fn a_sample_older_than_the_last_read_needs_no_age() {
-        // Cycles 1 and 2 arrive. One transaction reads a cycle with its right age, and the next states an age of zero.
+        // Cycles 1 and 2 arrive. One transaction reads a cycle with its right age, and the next reads a cycle with an
+        // age of zero.
         let then = |first: u64, next: u64| {
             let mut log = Events::new(1);
             (1..=2).for_each(|n| heard(&mut log, n, true));
@@ -349,7 +353,7 @@ mod tests {
             let mut log = Events::new(1);
             heard(&mut log, 1, true);
             read_as(&mut log, sampled(1) + 20 * MS, first / AGE_UNIT, 1, true, Some(1), Some(first));
-            // The next transaction shows the same sample, and Link-Status states 400 ms.
+            // The second transaction reads the sample of the first again, but its Link-Status states an age of 400 ms.
             read(&mut log, sampled(1) + 24 * MS, 1, true, Some(1), Some(age));
             let last = log.events.iter_mut().rfind(|event| matches!(event.what, What::Transaction { .. }));
             let What::Transaction { miso, .. } = &mut last.unwrap().what else { unreachable!("it is one") };
@@ -364,14 +368,15 @@ mod tests {
 
     #[test]
     fn the_client_may_count_the_younger_age_that_link_status_reported() {
-        // The sample is read 10 ms after it was taken and 4 ms after FRESH, and used until 1 ms beyond the limit.
+        // The client reads the sample 10 ms after it was taken, 4 ms after FRESH rose. It uses the sample until 1 ms
+        // beyond the age limit.
         let flown = |fresh: &[u64], told: u64, last: u64| {
             let (first, limit) = (sampled(1) + 10 * MS, bounds::CLIENT_AGE_LIMIT + bounds::CLIENT_AGE_SHORT);
             let mut log = Events::new(1);
             heard(&mut log, 1, true);
             fresh.iter().for_each(|at| _ = log.add(*at, What::Fresh { high: true, offered: None }));
             read_as(&mut log, first, told, 1, true, Some(1), Some(10 * MS));
-            // The client reads an image without objects, and repeats its verdict.
+            // The client then reads an image without objects, and goes on using the position that it read before.
             let at = sampled(1) + limit + MS;
             let link = LinkStatus::seal(&LinkValues::default());
             log.add(
@@ -383,7 +388,7 @@ mod tests {
         };
         let fresh = sampled(1) + 6 * MS;
         let wrong = vec![Violation::ClientWrong];
-        // Link-Status states 6 ms, the true age, or 4.7 ms.
+        // In the first case Link-Status states the true age of 6 ms, in the others less.
         assert_eq!(flown(&[fresh], 60, 1), wrong);
         assert_eq!(flown(&[fresh], 47, 1), []);
         assert_eq!(flown(&[fresh], 48, 1), wrong, "not young enough");
@@ -414,7 +419,8 @@ mod tests {
         let with = |change: fn(u64) -> (u64, bool)| run(&(1..=finds).map(change).collect::<Vec<_>>(), true);
         assert_eq!(with(|n| (n, n != 3)), [], "one is not valid");
         assert_eq!(with(|n| (n + u64::from(n > 3), true)), [], "one is missing");
-        // The last sample is read `by` later than the others; Link-Status always states the age `told`, in its unit.
+        // Returns the violations if the last sample is read `by` later than the others, and Link-Status always states
+        // the age `told`, in its unit.
         let late = |by: u64, told: u64| {
             let mut log = Events::new(1);
             for n in 1..=finds {
@@ -428,7 +434,7 @@ mod tests {
         assert_eq!((late(expired, 0), late(expired + 1, 0)), (1, 0));
         let too_old = (bounds::CLIENT_AGE_LIMIT - bounds::CLIENT_AGE_LONG) / AGE_UNIT;
         assert_eq!((late(0, too_old), late(0, too_old + 1)), (1, 0), "it will not be young enough");
-        // The later samples may come from another start of HORUS, with the same timestamps.
+        // After a restart of HORUS, the timestamps of later samples may repeat those of earlier ones.
         let mut log = Events::new(1);
         for n in 1..=finds {
             heard(&mut log, n, true);

@@ -3,7 +3,7 @@
 //!
 //! | what is judged | compared with | violation |
 //! |---|---|---|
-//! | the hold's frames come every 100 ms | – | `HoldSilent` |
+//! | the hold's frames come every 100 ms | – | `HoldSilent`, `HoldEarly` |
 //! | the object in the map | frames at the DPR's second antenna, of at most 300 ms ago | `HoldShown` |
 //! | it is there | the last whole frame there | `HoldHidden` |
 //! | an answer, its instant, its uplinks | that frame, and what was written within 1 s | `HoldAnswer` |
@@ -31,11 +31,13 @@ const MS: u64 = 1_000_000;
 
 /// The longest time between two frames of the hold, ns: a period and a half.
 pub const LONGEST_GAP: u64 = 150 * MS;
+/// The shortest time between the beginnings of two frames of the hold, ns: its period, less 1 % for its clock.
+pub const SHORTEST_GAP: u64 = 99 * MS;
 /// The longest time from power-on to the first frame, ns.
 pub const FIRST_FRAME: u64 = 300 * MS;
-/// The longest time for which an object is shown after its frame, ns: the expiry, the time for which an image stays,
-/// and the period of publications.
-pub const SHOWN_FOR: u64 = 300 * MS + 25 * MS + 13 * MS;
+/// The longest time for which an object is shown after its frame, ns. At the end of its 300 ms it is put into an image,
+/// which is published by the next deadline at the latest and then stays readable.
+pub const SHOWN_FOR: u64 = 300 * MS + bounds::FRAME_DEADLINE + bounds::PUBLICATION_PESSIMISTIC + bounds::EXPIRY;
 /// The longest time from the end of a frame until its object is shown, ns: two publications.
 pub const SHOWN_WITHIN: u64 = 26 * MS;
 /// The shortest time for which an object is shown, if no newer one comes, ns.
@@ -117,11 +119,16 @@ pub struct Hold {
     /// The instant, ns, at which the hold last sent a whole Hold-Status; before the first one, when it was switched on.
     sent: u64,
     has_sent: bool,
+    /// The instant at which its last whole Hold-Status began, ns.
+    began: u64,
     /// The last three statuses in successive periods, the newest last.
     statuses: VecDeque<HoldValues>,
     /// Frames that came to the DPR, each with the instant of its end (ns), whether its object is one and is new, and
     /// whether it was answered and shown.
     frames: VecDeque<Arrived>,
+    /// The last frame that the DPR is known to have accepted since its start, because it answered or showed the frame:
+    /// its instant (ns) and the timestamp of its object.
+    accepted: Option<(u64, u32)>,
     /// What the flight controller wrote in the last two seconds.
     written: VecDeque<Written>,
     writers: [Writer; 2],
@@ -159,8 +166,10 @@ impl Rule for Hold {
             calm: Calm::default(),
             sent: 0,
             has_sent: false,
+            began: 0,
             statuses: VecDeque::new(),
             frames: VecDeque::new(),
+            accepted: None,
             written: VecDeque::new(),
             writers: [Writer::default(), Writer::default()],
             kept: None,
@@ -196,6 +205,8 @@ impl Rule for Hold {
                 self.restarted(at, true);
             }
             What::Hold(event) => self.hold(at, event, context, findings),
+            // A DPR that starts accepts any object, also the one that it accepted last.
+            What::Reset { board: Board::Dpr, .. } | What::Power { board: Board::Dpr, .. } => self.accepted = None,
             What::End => self.silent(at, findings),
             _ => {}
         }
@@ -210,6 +221,8 @@ impl Hold {
             HoldEvent::Finding { text } => findings.add(Violation::HoldComplains, at, || text.clone()),
             // The DPR cannot tell that the carrier goes off when its answer begins.
             HoldEvent::PortMisuse { text } if at < self.calm.sends() && text.contains(OVERTAKEN) => {}
+            // A DPR that stops during an answer loads no more of it.
+            HoldEvent::PortMisuse { .. } if context.running(Board::Dpr).hung.is_some() => {}
             HoldEvent::PortMisuse { .. } if context.disturbances().excuse(Excuse::DprFrontEndUse, at) => {}
             HoldEvent::PortMisuse { text } => findings.add(Violation::FrontEndMisuse, at, || text.clone()),
             HoldEvent::Field { .. } => {}
@@ -218,7 +231,7 @@ impl Hold {
             HoldEvent::Answered(frame) => self.answered(frame, context, findings),
             HoldEvent::AnswerHeard(frame) => self.answer_heard(at, frame),
             HoldEvent::Lock { locked } => self.lock = Some((at, *locked)),
-            HoldEvent::Payload { heater, cooler, temperature, humidity } => {
+            HoldEvent::Payload { heater, cooler, temperature, humidity, .. } => {
                 self.payload(at, [*heater, *cooler], (*temperature, *humidity), findings);
             }
         }
@@ -251,6 +264,10 @@ impl Hold {
         let Some(status) = payload(frame).and_then(|payload| HoldStatus::verify(payload).ok()) else { return };
         self.silent(at, findings);
         let is_first = !self.has_sent;
+        let before = std::mem::replace(&mut self.began, frame.started);
+        if !is_first && frame.started >= self.calm.sends() && frame.started < before + SHORTEST_GAP {
+            findings.add(Violation::HoldEarly, at, || format!("{} after the last one", ms(frame.started - before)));
+        }
         (self.sent, self.has_sent) = (at, true);
         let values = status.values();
         let before = self.statuses.back().copied().filter(|last| last.timestamp.wrapping_add(100) == values.timestamp);
@@ -322,12 +339,19 @@ impl Hold {
     fn heard(&mut self, at: u64, frame: &HoldFrame) {
         let payload = payload(frame).unwrap_or_default().to_vec();
         let object = HoldObject::verify(&payload).ok().map(HoldObject::timestamp);
-        let last = self.frames.iter().rev().find(|frame| frame.is_new);
-        let last = last.and_then(|frame| HoldObject::verify(&frame.payload).ok()).map(HoldObject::timestamp);
-        let is_new = object.is_some() && object != last;
+        let is_new = object.is_some() && object != self.accepted.map(|(_, timestamp)| timestamp);
         self.frames.push_back(Arrived { at, payload, is_new, answered: false, shown: false });
         while self.frames.front().is_some_and(|frame| frame.at + 2 * SHOWN_FOR < at) {
             self.frames.pop_front();
+        }
+    }
+
+    /// Notes that the DPR, which has run since `since` (ns), accepted the frame with this number.
+    fn accept(&mut self, index: usize, since: u64) {
+        let Some(frame) = self.frames.get(index).filter(|frame| frame.at >= since) else { return };
+        let Ok(object) = HoldObject::verify(&frame.payload) else { return };
+        if self.accepted.is_none_or(|(at, _)| at <= frame.at) {
+            self.accepted = Some((frame.at, object.timestamp()));
         }
     }
 
@@ -340,7 +364,9 @@ impl Hold {
         if reading.silent || context.disturbances().excuse(Excuse::UnsoundImage, at) {
             return;
         }
-        let found = self.frames.iter().rposition(|frame| frame.is_new && frame.payload == shown && frame.at <= at);
+        // What came before the DPR's start is lost, unless the transaction began before it too.
+        let came = |frame: &Arrived| frame.at <= at && (frame.at >= dpr.since || at < dpr.since);
+        let found = self.frames.iter().rposition(|frame| frame.is_new && frame.payload == shown && came(frame));
         if !is_vacant(shown) && found.is_none_or(|index| self.frames[index].at + SHOWN_FOR < at) {
             let since = found.map_or("never came".to_owned(), |index| format!("came at {}", ms(self.frames[index].at)));
             findings.add(Violation::HoldShown, at, || format!("the object {since}"));
@@ -348,6 +374,7 @@ impl Hold {
         }
         if let Some(index) = found {
             self.frames[index].shown = true;
+            self.accept(index, dpr.since);
         }
         let calm = self.calm.exchanges();
         if at < calm || !dpr.powered {
@@ -374,15 +401,15 @@ impl Hold {
     fn answered(&mut self, answer: &HoldFrame, context: &Context, findings: &mut Findings) {
         let at = answer.started;
         let mut wrong = |words: String| findings.add(Violation::HoldAnswer, at, || words);
-        let may_ask = |frame: &Arrived| (ANSWERS.0..=ANSWERS.1).contains(&at.saturating_sub(frame.at));
-        let Some(frame) = self.frames.iter_mut().rev().find(|frame| may_ask(frame) && !frame.answered) else {
-            let last = self.frames.iter().rev().find(|frame| frame.at < at).map_or(0, |frame| frame.at);
-            return wrong(format!("the last frame ended at {}", ms(last)));
+        let asks = |frame: &Arrived| {
+            frame.is_new && !frame.answered && (ANSWERS.0..=ANSWERS.1).contains(&at.saturating_sub(frame.at))
         };
-        frame.answered = true;
-        if HoldObject::verify(&frame.payload).is_err() {
-            return wrong(format!("the frame of {} has no object of a hold", ms(frame.at)));
-        }
+        let Some(index) = self.frames.iter().rposition(asks) else {
+            let last = self.frames.iter().rev().find(|frame| frame.at < at).map_or(0, |frame| frame.at);
+            return wrong(format!("no new object of the hold waits for one; the last frame ended at {}", ms(last)));
+        };
+        self.frames[index].answered = true;
+        self.accept(index, context.running(Board::Dpr).since);
         if !answer.whole || context.disturbances().excuse(Excuse::Service, at) {
             return;
         }
@@ -496,77 +523,4 @@ fn told(index: usize, came: &Came) -> String {
 }
 
 #[cfg(test)]
-mod tests {
-    use profile::criticality::{ActiveLoad, Writer as WriterOf};
-
-    use super::*;
-    use crate::Bytes;
-    use crate::testing::{self, Events};
-
-    /// Returns the violations of a hold that is open at 30 °C, restarts for `cause`, and then says `after`.
-    fn restarted(cause: Cause, after: impl FnOnce(&mut HoldValues)) -> Vec<Violation> {
-        let mut before = HoldValues { set_point: 30.0, ..HoldValues::absent(1_000) };
-        before.acknowledged[0] = Acknowledged::new(4, Outcome::Done);
-        let mut now = HoldValues { timestamp: 0, ..before };
-        after(&mut now);
-        let mut events = Events::new(1);
-        for (at, values) in [(100 * MS, before), (240 * MS, now)] {
-            let object = HoldStatus::seal(WriterOf::<ActiveLoad>::claim(), &values);
-            let bytes = [&[65], object.as_bytes().as_slice(), &[0; 2]].concat();
-            events.add(at, What::Hold(HoldEvent::Sent(HoldFrame { started: at, bytes: Bytes(bytes), whole: true })));
-        }
-        events.add(200 * MS, What::Hold(HoldEvent::Reset { cause, asked: true }));
-        let mut log = events.log();
-        log.header.hold = true;
-        testing::found(Hold::new(&log.header), &log).0.into_iter().map(|(violation, ..)| violation).collect()
-    }
-
-    #[test]
-    fn lock_set_point_and_acknowledgements_outlast_every_reset_but_power_on() {
-        for cause in [Cause::Pin, Cause::Watchdog] {
-            assert_eq!(restarted(cause, |_| {}), []);
-            assert_eq!(restarted(cause, |now| now.set_point = 20.0), [Violation::HoldCommand]);
-            assert_eq!(restarted(cause, |now| now.status = now.status.with_locked(true)), [Violation::HoldCommand]);
-            assert_eq!(
-                restarted(cause, |now| now.acknowledged = [Acknowledged::default(); 2]),
-                [Violation::HoldCommand]
-            );
-        }
-        assert_eq!(restarted(Cause::PowerOn, |now| *now = HoldValues::absent(0)), []);
-    }
-
-    fn came(at: u64, timestamp: u32, word: u16, value: f32) -> Came {
-        Came { at, timestamp, number: 1, word, value, is_plain: true }
-    }
-
-    #[test]
-    fn a_set_point_is_done_within_the_limits_and_refused_otherwise() {
-        let is = |value, outcome| is_outcome_of(&came(0, 0, 1, value), Acknowledged::new(1, outcome), 0);
-        for value in [2.0, 20.0, 40.0] {
-            assert!(is(value, Outcome::Done) && !is(value, Outcome::Refused), "{value}");
-        }
-        for value in [1.9, 40.1, f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-            assert!(!is(value, Outcome::Done) && is(value, Outcome::Refused), "{value}");
-        }
-    }
-
-    #[test]
-    fn a_lock_is_never_refused_and_another_word_is_unknown() {
-        let is = |word, outcome| is_outcome_of(&came(0, 0, word, f32::NAN), Acknowledged::new(1, outcome), 0);
-        for word in 2..=4 {
-            assert!(is(word, Outcome::Done) && !is(word, Outcome::Refused) && !is(word, Outcome::Unknown), "{word}");
-        }
-        assert!(is(5, Outcome::Unknown) && !is(5, Outcome::Done));
-    }
-
-    #[test]
-    fn a_command_is_too_old_if_its_timestamp_stayed_the_same() {
-        let too_old = |came: &[Came]| {
-            let writer = Writer { came: came.to_vec().into(), insists: None };
-            is_outcome_of(&came[0], Acknowledged::new(1, Outcome::TooOld), writer.heard_for(1))
-        };
-        assert!(!too_old(&[came(0, 7, 2, 0.0), came(899 * MS, 7, 2, 0.0)]));
-        assert!(too_old(&[came(0, 7, 2, 0.0), came(900 * MS, 7, 2, 0.0)]));
-        assert!(!too_old(&[came(0, 7, 2, 0.0), came(900 * MS, 8, 2, 0.0)]));
-    }
-}
+mod tests;

@@ -5,12 +5,12 @@
 //! | a bit of HORUS's flash changes | HORUS stops: its field goes off | [`bounds::HORUS_FLASH_FOUND`] |
 //! | a bit of the DPR's flash changes | Link-Status reports a flash fault | [`bounds::DPR_FLASH_FOUND`] |
 //! | a bit of a buffer of the DPR is stuck | Link-Status reports a RAM fault | [`bounds::SCRUBBED_CYCLES`] |
-//! | HORUS is warned of a falling supply | its field goes off | [`bounds::SAFE_STATE`] |
-//! | the DPR is warned of a falling supply | transactions read 0xFF | [`bounds::SAFE_STATE`] |
+//! | HORUS has to stop ([`What::Warned`]) | its field goes off | [`bounds::SAFE_STATE`] |
+//! | the DPR has to stop | transactions read 0xFF | [`bounds::SAFE_STATE`] |
 //!
-//! Both boards check their flash and their supply at the start, and a board with a fault does not start. Therefore
-//! nothing more is required of a board after it has started or lost its supply. The stuck bit of a buffer must be
-//! reported only while new cycles are shown, because only then are the buffers used in turn.
+//! Both boards check their flash and their supply at the start, and a board with a fault does not start. After a board
+//! has started or lost its supply, the judge therefore requires nothing more for an earlier fault. A stuck bit must be
+//! reported only while new cycles are shown, because only then does the DPR use its buffers in turn.
 //!
 //! Nothing is required after a bit changes elsewhere in RAM or in a register, because the change may have no effect.
 
@@ -23,13 +23,13 @@ use crate::{Board, Context, Disturbance, Event, Findings, Header, Violation, Wha
 struct Stuck {
     /// The instant, ns, until which the bit is stuck.
     until: u64,
-    /// The timestamp of the cycle that was last read, ms.
+    /// The timestamp of the cycle that was last counted, ms.
     shown: Option<u32>,
-    /// The number of cycles shown since the bit became stuck.
+    /// The number of new cycles that were read since the bit became stuck.
     cycles: u32,
 }
 
-/// The rule that judges whether a fault of memory or supply has its consequence; see the [module](self).
+/// The rule that judges whether a board reacts to a fault of its memory or supply; see the [module](self).
 #[derive(Clone, Debug)]
 pub struct Integrity {
     /// The instant, ns, by which each board has to react to a change of its flash; `None` if no reaction is due.
@@ -58,14 +58,14 @@ impl Rule for Integrity {
                         let within = [bounds::HORUS_FLASH_FOUND, bounds::DPR_FLASH_FOUND][*board as usize];
                         self.flash_due[*board as usize].get_or_insert(at + within);
                     }
-                    // A bit that flips only once does not replace a stuck bit, which must still be reported.
+                    // A bit that flips once does not end the wait for the report of a stuck bit.
                     (Board::Dpr, Memory::Receive | Memory::Images) if *until > at => {
                         self.stuck = Some(Stuck { until: *until, shown: None, cycles: 0 });
                     }
                     _ => {}
                 }
             }
-            // A front end with a fault may not accept the command that switches the field off.
+            // A front end with a fault may fail to switch its field off on command.
             What::Warned { board }
                 if *board == Board::Dpr || self.field && !context.disturbances().excuse(Excuse::Sending, at) =>
             {
@@ -97,12 +97,14 @@ impl Rule for Integrity {
 }
 
 impl Integrity {
-    /// Judges a transaction. If `excused`, the bytes may have changed on the wire and need not be 0xFF throughout.
+    /// Judges the supply and the buffers by a transaction. If `excused`, bytes may have changed on the wire, so a DPR
+    /// in its safe state need not read as 0xFF throughout.
     fn read(&mut self, reading: &Reading, excused: bool, findings: &mut Findings) {
         let due = &mut self.supply_due[Board::Dpr as usize];
         if !excused && !reading.silent && due.take_if(|due| reading.selected > *due).is_some() {
-            findings
-                .add(Violation::FaultUnnoticed, reading.selected, || "Dpr's supply falls, and it is read".to_owned());
+            findings.add(Violation::FaultUnnoticed, reading.selected, || {
+                "Dpr must be in its safe state, and it is read".to_owned()
+            });
         }
         let Some(Ok(link)) = &reading.link else { return };
         if link.status.flash_fault() {
@@ -123,7 +125,7 @@ impl Integrity {
         }
     }
 
-    /// Reports each board that should have reacted to a fault before `now`, once per fault.
+    /// Reports each board that should have reacted to a fault before `now`; a fault is reported once.
     fn pass(&mut self, now: u64, findings: &mut Findings) {
         for board in [Board::Horus, Board::Dpr] {
             if let Some(due) = self.flash_due[board as usize].take_if(|due| now > *due) {
@@ -131,7 +133,9 @@ impl Integrity {
             }
         }
         if let Some(due) = self.supply_due[Board::Horus as usize].take_if(|due| now > *due) {
-            findings.add(Violation::FaultUnnoticed, due, || "Horus's supply falls, and its field is on".to_owned());
+            findings.add(Violation::FaultUnnoticed, due, || {
+                "Horus must be in its safe state, and its field is on".to_owned()
+            });
         }
         self.stuck.take_if(|stuck| now > stuck.until);
     }
@@ -156,7 +160,7 @@ mod tests {
         found(Integrity::new(&header(3)), &log.end(end).log()).0
     }
 
-    /// Returns the violations if a bit of `memory` changes at 5 ns, in a run of these events until `end`.
+    /// Returns the violations of a run until `end` in which a bit of `memory` changes at 5 ns.
     fn broken(board: Board, memory: Memory, mut events: Vec<(u64, What)>, end: u64) -> Vec<(Violation, u64, u64)> {
         events.push((5, injected(Disturbance::Memory { board, memory }, 5)));
         found_in(events, end)
@@ -266,7 +270,7 @@ mod tests {
         assert_eq!(after(vec![(due, reset(Board::Dpr))]), late);
         assert_eq!(after(vec![(WARNED - 1, off())]), [], "there is no field");
         assert_eq!(after(vec![(WARNED - 1, injected(HORUS_FRONT_END, WARNED))]), [], "its front end is out of order");
-        // The board checks its supply only after its start.
+        // A board that starts with a falling supply checks the supply at the end of its start.
         let due = WARNED - MS + bounds::START + bounds::SAFE_STATE;
         let starting = |switched: u64| after(vec![(WARNED - MS, reset(board)), (switched, off())]);
         assert_eq!(starting(due), []);

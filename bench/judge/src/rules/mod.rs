@@ -13,6 +13,7 @@
 //! | [`link_status`] | Link-Status, compared with what was on the wires |
 //! | [`port`] | Port-Status and uplinks, compared with what the flight controller wrote |
 //! | [`hold`] | the active hold: its objects, answers, commands and outputs |
+//! | [`heater`] | the active hold's heater, whatever disturbs the hold |
 //! | [`client`] | the verdict of the flight controller's client, compared with what was on the wires |
 //! | [`base`] | what the base station shows, compared with what was forwarded, and whether it was forwarded |
 //! | [`station`] | the base station's ages and alarms, compared with the profiles that have arrived there |
@@ -22,6 +23,7 @@ pub mod boards;
 pub mod client;
 pub mod content;
 pub mod cycle;
+pub mod heater;
 pub mod hold;
 pub mod integrity;
 pub mod link_status;
@@ -46,14 +48,14 @@ fn is_later(a: u32, b: u32) -> bool {
 
 /// A rule of the judge.
 pub trait Rule {
-    /// Returns the state of the rule before anything has happened.
+    /// Returns the rule's state at the beginning of a run.
     ///
     /// # Panics
     ///
     /// Panics if no profile has the header's number of receivers.
     fn new(header: &Header) -> Self;
 
-    /// Processes the next event; `context` is the state after that event.
+    /// Processes the next event; `context` already includes that event.
     fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings);
 
     /// Ends the run: judges what could not be judged before its end, and adds the rule's figures.
@@ -99,4 +101,5 @@ rules! {
     station: station::Station,
     boards: boards::Boards,
     hold: hold::Hold,
+    heater: heater::Heater,
 }

@@ -1,13 +1,15 @@
 //! Judges whether the position that HORUS sends is where the aircraft was, and whether HORUS sends a position at all.
 //!
 //! In a run of simulated receivers, the log has the aircraft's true position at each tick ([`What::Aircraft`]). A valid
-//! Reported-Position has to lie within [`bounds::POSITION_OFF_M`] of a position of the aircraft in the last
-//! [`bounds::POSITION_OLDEST`]. While fewer receivers than a quorum are disturbed, [`bounds::AGREEMENT_M`] is added to
-//! this limit, because a disturbed receiver may agree with the others. Nothing is required while a quorum of receivers
-//! is disturbed, or one of two receivers, or the only one.
+//! Reported-Position has to lie within [`bounds::POSITION_OFF_M`] of where the aircraft was in the last
+//! [`bounds::POSITION_OLDEST`].
 //!
-//! A position that is missing for [`bounds::POSITION_WITHIN`] is reported, unless a violation since the last position
-//! explains its absence.
+//! A disturbed receiver may agree with the others, so [`bounds::AGREEMENT_M`] is added to the limit of the error while
+//! any receiver is disturbed. Nothing is required while a quorum of receivers is disturbed, or one of two receivers, or
+//! the only one.
+//!
+//! A position that is missing for [`bounds::POSITION_WITHIN`] is reported, unless another violation in this time
+//! explains it.
 
 use std::collections::VecDeque;
 
@@ -52,7 +54,7 @@ pub struct Position {
     truths: VecDeque<Truth>,
     /// The instant, ns, since which HORUS has sent no valid position.
     waits_since: u64,
-    /// The number of violations found before that instant that explain a missing position.
+    /// The number of violations that explain a missing position, as found at the instant `waits_since`.
     explained: u64,
     told: bool,
     worst_mm: Option<u64>,
@@ -171,10 +173,10 @@ mod tests {
     use crate::{Disturbance, Figures as AllFigures};
 
     const HOME: (i64, i64, i64) = (47_500_000_000, 8_700_000_000, 500_000);
-    /// The number of 1e-9 degrees in a metre to the north, exact to 0.1 %.
+    /// The number of 1e-9 degrees of latitude in a metre, exact to 0.1 %.
     const METRE: i64 = 8_993;
 
-    /// Returns a Reported-Position this many mm north of home and above it.
+    /// Returns a Reported-Position at this distance, mm, north of the first position and above it.
     fn reported(timestamp: u32, north_mm: i64, up_mm: i64) -> ReportedValues {
         let silent = silent_reported(timestamp);
         let status = silent.status.with_position_valid(true);
@@ -188,8 +190,8 @@ mod tests {
         }
     }
 
-    /// Returns the verdict on a run of `cycles` ticks. At each tick the aircraft is where `truth` says (mm north), and
-    /// HORUS sends the position that `says` returns.
+    /// Returns the verdict on a run of `cycles` ticks. `truth` gives the aircraft's position at each tick (mm north),
+    /// and `says` the position that HORUS sends.
     fn run(
         gps: usize,
         cycles: u64,
@@ -234,7 +236,7 @@ mod tests {
     #[test]
     fn a_position_may_be_as_old_as_a_solution_may_be_valid() {
         let oldest = bounds::POSITION_OLDEST / bounds::CYCLE;
-        // The aircraft leaves after the first tick, and HORUS goes on sending the old position.
+        // The aircraft moves away after the first tick, but HORUS goes on sending the first position.
         let leaves = |number: u64| if number == 1 { 0 } else { 50_000 };
         assert_eq!(run(1, 1 + oldest, leaves, |_| Some((0, 0)), vec![]).0, []);
         let late = run(1, 2 + oldest, leaves, |_| Some((0, 0)), vec![]).0;
@@ -250,7 +252,7 @@ mod tests {
             (3, vec![0, 1], None),
             (5, vec![0, 3], Some(40)),
             (5, vec![0, 1, 4], None),
-            // The disturbed receiver is not fitted.
+            // The only receiver is not disturbed, but one that is not fitted.
             (1, vec![1], Some(10)),
         ] {
             let events = || who.iter().map(|receiver| disturbed(*receiver)).collect::<Vec<_>>();
@@ -264,7 +266,7 @@ mod tests {
 
     #[test]
     fn a_position_that_is_missing_for_too_long_is_told_once() {
-        // The run ends 9 ms after its last tick, just after a position is due.
+        // The run ends 9 ms after its last tick. A position is due just before that.
         let late = bounds::POSITION_WITHIN / bounds::CYCLE - 1;
         let none = |cycles: u64, events| run(3, cycles, |_| 0, |_| None, events).0;
         assert_eq!(none(late - 1, vec![]), []);
@@ -276,7 +278,8 @@ mod tests {
         assert_eq!(none(late, vec![(50 * MS, What::Hung { board: Board::Horus })]), [], "it hangs");
         assert_eq!(none(late, vec![disturbed(0)]), told, "two others are well");
         assert_eq!(none(late, vec![disturbed(0), disturbed(1)]), []);
-        // HORUS sends one position, 30 ms after the first tick.
+        // HORUS sends one position, 30 ms after the first tick, and then none. The time without a position counts from
+        // that one on.
         let lost = |number: u64| (number == 4).then_some((0, 0));
         assert_eq!(run(3, late, |_| 0, lost, vec![]).0, []);
         assert_eq!(run(3, late + 5, |_| 0, lost, vec![]).0.len(), 1);

@@ -1,27 +1,27 @@
 //! Judges whether HORUS reads the bytes that its receivers offer, and whether it sets the receivers to send positions.
 //!
-//! A receiver on a bus offers its bytes ([`What::Offered`]) until HORUS reads them ([`What::Fed`]). HORUS need not read
-//! while it has no supply, starts or hangs, nor while [`Excuse::Polling`] holds for the receiver. Bytes that a receiver
+//! HORUS must read the bytes that a receiver on a bus offers ([`What::Offered`], [`What::Fed`]). It need not read while
+//! it has no supply, starts or hangs, nor while [`Excuse::Polling`] holds for the receiver. Bytes that a receiver
 //! offers while it is being read count as read. A receiver that is not read is reported once for each
 //! [`bounds::READ_WITHIN`].
 //!
-//! A simulated receiver reports its settings ([`What::Settings`]). If it sends no positions, HORUS must set it to send
-//! them within [`bounds::SETTINGS_TOLD`]. That time begins at HORUS's start, or later when the receiver ceases to send
-//! positions. This is not required while [`Excuse::Settings`] holds for the receiver, and the violation is reported
-//! once.
+//! HORUS must set a simulated receiver to send positions if it sends none, as its settings in the log say
+//! ([`What::Settings`]). HORUS has [`bounds::SETTINGS_TOLD`] for this from its start, or from when the receiver ceased
+//! to send them. While [`Excuse::Settings`] holds for the receiver, this is not required. A violation is reported once.
 
 use super::Rule;
 use crate::disturbance::Excuse;
 use crate::{Board, Context, Event, Findings, Header, Violation, What, bounds};
 
-/// The rule that judges whether HORUS reads and sets its receivers; see the [module](self).
+/// The rule that judges whether HORUS reads its receivers and sets them to send positions; see the [module](self).
 #[derive(Clone, Debug)]
 pub struct Receivers {
     /// For each receiver, the instant, ns, since which it has offered bytes without being read.
     waiting: Vec<Option<u64>>,
     /// For each receiver, the instant, ns, at which the last byte was read from it.
     read_until: Vec<u64>,
-    /// For each receiver, the instant, ns, since which it sends no positions; `None` otherwise, or once reported.
+    /// For each receiver, the instant, ns, since which it has sent no positions. `None` if it sends them, or once that
+    /// was reported.
     unset: Vec<Option<u64>>,
 }
 
@@ -111,7 +111,7 @@ mod tests {
         What::Fed { receiver, byte_ns: 1, bytes: vec![1].into(), clean: false, since: Some(0) }
     }
 
-    /// Returns the violations that are found if GPS2 offers bytes at `at`, in a run of these events until `end`.
+    /// Returns the violations of a run until `end` in which GPS2 offers bytes at `at`.
     fn broken(at: u64, events: Vec<(u64, What)>, end: u64) -> Vec<(Violation, u64, u64)> {
         let mut log = Events::new(3);
         log.add(at, offered());
@@ -170,7 +170,7 @@ mod tests {
         }
     }
 
-    /// Returns the violations that are found about GPS2's settings in a run of these events until `end`.
+    /// Returns the violations about GPS2's settings of a run until `end`.
     fn unset(events: Vec<(u64, What)>, end: u64) -> Vec<(Violation, u64, u64)> {
         let mut log = Events::new(3);
         events.into_iter().for_each(|(at, what)| _ = log.add(at, what));

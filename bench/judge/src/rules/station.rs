@@ -12,10 +12,11 @@
 //! | `emergency-fired`, `motors-cut`, `switched-to-redundant`, `inputs-contradict` | Reported-Position states this |
 //! | `degraded`, `no-crystal`, `horus-memory-fault` | Reported-Position states this |
 //!
-//! Close to a limit of time either value is right. A profile that does not continue the sequence may come from another
-//! sender, and the station need not show it. Therefore it is certain what the station shows only after profiles have
-//! arrived in sequence for [`bounds::STATION_SETTLES`] ([`bounds::CLIENT_FINDS`] profiles if they are the first of
-//! all). Only then does a silence certainly end. While HORUS runs without its crystal, no age is required.
+//! Close to a limit of time the judge accepts either value. While HORUS runs without its crystal, no age is required.
+//!
+//! The station need not show a profile that does not continue the sequence, because it may come from another sender.
+//! The judge therefore requires a value only after profiles have arrived in sequence for [`bounds::STATION_SETTLES`],
+//! or after [`bounds::CLIENT_FINDS`] profiles at the beginning of a run.
 //!
 //! The station recognises a new start of HORUS only if the timestamps step back or the reason of the last reset changes
 //! (docs/base-station.md). Otherwise the station may take a sample to be older than it is, by the time for which HORUS
@@ -31,14 +32,14 @@ use crate::{Board, Context, Event, Findings, Header, Violation, What, bounds};
 
 const TICKS: usize = 256;
 
-/// The sample that arrived last. The station may compute the ages of later samples from its timestamp.
+/// The last sample that arrived. The station may compute the ages of later samples from its timestamp.
 #[derive(Clone, Copy, Debug)]
 struct Last {
     timestamp: u32,
     reason: Option<ResetReason>,
-    /// The sample's tick, ns, and the number of HORUS's start in which that tick came.
+    /// The sample's tick, ns, and the number of HORUS's starts at that tick.
     tick: (u64, u64),
-    /// By how much, ns, the station may overstate the sample's age.
+    /// How much, ns, the station may overstate the age of this sample and of later ones.
     late: u64,
 }
 
@@ -47,11 +48,12 @@ struct Last {
 struct Newest {
     timestamp: u32,
     status: ReportedStatus,
-    /// If known, the tick of the sample, ns, and by how much, ns, the station may overstate the sample's age.
+    /// The sample's tick, ns, and how much, ns, the station may overstate the sample's age; `None` if not known.
     tick: Option<(u64, u64)>,
-    /// The number of profiles in sequence up to this one, and the instant, ns, at which the first of them arrived.
+    /// The number of consecutive profiles in sequence up to this one, and the instant, ns, at which the first of them
+    /// arrived.
     row: (u32, u64),
-    /// Whether the first profile of this sequence is the first that arrived in the run.
+    /// Whether this sequence of profiles began with the first profile of the run.
     first: bool,
     at: u64,
 }
@@ -62,13 +64,14 @@ pub struct Station {
     layout: Layout,
     tick: Option<u64>,
     starts: u64,
-    /// The Reported-Positions that HORUS sent: timestamp, ms, tick, ns, and number of HORUS's start.
+    /// The Reported-Positions that HORUS sent, each with its timestamp (ms), its tick (ns) and the number of HORUS's
+    /// starts at that tick.
     sent: VecDeque<(u32, (u64, u64))>,
     newest: Option<Newest>,
     last: Option<Last>,
-    /// The instant, ns, at which the last profile arrived that the station can show.
+    /// The instant, ns, at which the station last received a profile that it can show.
     arrived: u64,
-    /// The alarm or the age that was wrong in the last statement; not reported again while it stays wrong.
+    /// The alarm or the age that was wrong in the last statement. It is not reported again while it stays wrong.
     told: Option<&'static str>,
 }
 
@@ -125,7 +128,7 @@ impl Station {
         let values = object.values();
         let follows = |before: Newest| {
             let step = values.timestamp.wrapping_sub(before.timestamp);
-            // The flight controller need not read every cycle, so up to three may be missing.
+            // Between two profiles that it forwards, the flight controller may leave up to three cycles unread.
             step > 0 && step % CYCLE_MS == 0 && step <= 4 * CYCLE_MS
         };
         let before = self.newest.filter(|before| follows(*before));
@@ -136,7 +139,7 @@ impl Station {
         self.newest = Some(Newest { timestamp: values.timestamp, status: values.status, tick, row, first, at });
     }
 
-    /// Records that a sample has arrived. Returns by how much, ns, the station may overstate its age.
+    /// Records that a sample has arrived. Returns how much, ns, the station may overstate the sample's age.
     fn late(&mut self, timestamp: u32, reason: Option<ResetReason>, tick: (u64, u64)) -> u64 {
         let step = |last: Last| timestamp.wrapping_sub(last.timestamp);
         let goes_on = self.last.filter(|last| step(*last).cast_signed() >= 0 && last.reason == reason);
@@ -148,7 +151,7 @@ impl Station {
         late
     }
 
-    /// Returns the Reported-Position that the station shows; `None` if it is not certain.
+    /// Returns the Reported-Position that the station certainly shows; `None` if it may show another.
     fn shown(&self) -> Option<Newest> {
         self.newest.filter(|newest| {
             let (count, since) = newest.row;
@@ -156,7 +159,8 @@ impl Station {
         })
     }
 
-    /// Returns the age, ns, of the sample shown at the instant `at`, and the greatest that the station may state.
+    /// Returns the true age, ns, of the sample shown at the instant `at`, and the greatest age that the station may
+    /// state.
     fn ages(&self, at: u64) -> Option<[u64; 2]> {
         let shown = self.shown().filter(|shown| !shown.status.without_crystal())?;
         let (tick, late) = shown.tick?;
@@ -176,7 +180,7 @@ impl Station {
             age if age + bounds::STATION_AGE_OFF < limit => Some(false),
             _ => None,
         };
-        // After a silence, the station need not accept a profile at once.
+        // After a silence the station may accept profiles late, so its alarm of the silence may last longer.
         let silent =
             after(at - self.arrived, bounds::STATION_SILENT).filter(|silent| *silent || self.shown().is_some());
         let stale = self.ages(at).map(|ages| ages.map(|age| after(age, bounds::STATION_STALE)));
@@ -213,7 +217,7 @@ mod tests {
     type Change = Box<dyn Fn(ReportedStatus) -> ReportedStatus>;
 
     const CYCLES: u64 = 10;
-    /// The instant of the last cycle's tick, ns, and the instant at which its profile arrives.
+    /// The instant, ns, of the last cycle's tick.
     const TICK: u64 = testing::FIRST_TICK + (CYCLES - 1) * bounds::CYCLE;
     const ARRIVED: u64 = TICK + 8 * MS;
 
@@ -231,7 +235,7 @@ mod tests {
         broken_after(8 * MS, of, cycles, says)
     }
 
-    /// Like [`broken`], with each profile arriving `takes` ns after its tick.
+    /// Does what [`broken`] does, but each profile arrives `takes` ns after its tick.
     fn broken_after(
         takes: u64,
         of: impl Fn(ReportedStatus) -> ReportedStatus,
@@ -278,7 +282,7 @@ mod tests {
         ] {
             assert_eq!(told(age), expected, "{age:?}");
         }
-        // Too few profiles have arrived in the first case, and HORUS runs without its crystal in the second.
+        // No age is required if too few profiles have arrived, or if HORUS runs without its crystal.
         let few = u64::from(bounds::CLIENT_FINDS) - 1;
         assert_eq!(broken(same, few, &[(at, Some(0), &[])]), []);
         assert_eq!(broken(|it| it.with_without_crystal(true), CYCLES, &[(at, Some(0), &["no-crystal"])]), []);
@@ -377,11 +381,11 @@ mod tests {
 
     #[test]
     fn after_a_restart_of_horus_ages_may_follow_the_earlier_clock() {
-        // The profiles that arrive are stamped 10 ms to 100 ms. HORUS is then off for [`AWAY`] and starts anew, and its
-        // profiles arrive from the timestamp `first` on.
+        // Profiles stamped 10 ms to 100 ms arrive. HORUS is then off for [`AWAY`], and the profiles of its new start
+        // are stamped from `first` on.
         const AWAY: u64 = 1_000 * MS;
         let settles = bounds::STATION_SETTLES / bounds::CYCLE;
-        // With `earlier`, a profile stamped 90 s from an earlier start of HORUS arrived before.
+        // With `earlier`, a profile of a still earlier start of HORUS, stamped 90 s, arrives first.
         let told_after = |earlier: bool, starts: bool, first: u32, reason: ResetReason, age: u64, alarms: &[&str]| {
             let mut log = Events::new(1);
             let mut cycle = |tick: u64, stamp: u32, reason: ResetReason| {

@@ -1,7 +1,7 @@
 //! Makes the log of a flawless run, which tests then change.
 //!
-//! A [`Plan`] describes what the DPR publishes and when the flight controller reads. [`Plan::log`] derives the events
-//! from it. A change of the plan changes all events that follow from it; a change of the log changes only one event.
+//! A [`Plan`] describes what the DPR publishes and when the flight controller reads. [`Plan::log`] derives all events
+//! from the plan. A test may change the plan, and with it all events that follow, or a single event of the log.
 #![allow(dead_code, reason = "not every test uses all of it")]
 
 use bench_judge::disturbance::{Conduct, Harm, Memory};
@@ -13,17 +13,17 @@ use profile::{
 
 pub(crate) const FIRST_TICK: u64 = 20_000_000;
 pub(crate) const FIRST_IMAGE: u64 = 6_000_000;
-/// The time from the end of a cycle's last frame to FRESH, ns.
+/// The time from the end of a cycle's last frame until FRESH rises, ns.
 pub(crate) const TO_FRESH: u64 = 60_000;
 /// How long before FRESH rises the processor takes the buffers, ns.
 pub(crate) const HELD_BEFORE: u64 = 1_000;
 /// How long after FRESH rises the processor gives the buffers back, ns.
 pub(crate) const RELEASED_AFTER: u64 = 500;
-/// The time from the end of a transaction until the DPR is ready for the next one, ns.
+/// The time from the end of a transaction until the DPR can serve the next one, ns.
 pub(crate) const TO_READY: u64 = 3_000;
-/// The control cycle, ns. It is not quite 4 ms, so that transactions begin at every phase of HORUS's cycle.
+/// The control cycle, ns. It is slightly shorter than 4 ms, so that transactions begin at every phase of HORUS's cycle.
 pub(crate) const CONTROL_CYCLE: u64 = 3_997_000;
-/// The number of cycles that find the sequence, which the DPR does not show.
+/// The number of cycles at the beginning that find the sequence. The DPR does not show them.
 pub(crate) const SEARCH: u32 = 3;
 
 #[derive(Clone, Debug)]
@@ -41,12 +41,12 @@ pub(crate) struct Plan {
     /// The events of HORUS and of the air.
     pub(crate) upstream: Vec<Event>,
     pub(crate) publications: Vec<Publication>,
-    /// The instants, ns, at which chip select falls.
+    /// The instants, ns, at which the flight controller selects the DPR.
     pub(crate) selects: Vec<u64>,
     pub(crate) end: u64,
 }
 
-/// Returns a profile without a position: no receiver has sent anything.
+/// Returns a profile without a position, as HORUS sends before it has received anything from a receiver.
 pub(crate) fn profile(gps: usize, stamp: u32) -> Vec<u8> {
     fn of<const N: usize>(stamp: u32) -> Vec<u8> {
         let absent = GpsValues::absent(stamp);
@@ -69,7 +69,7 @@ pub(crate) fn frame(payload: &[u8]) -> Vec<u8> {
     [&[len], payload, &[0, 0]].concat()
 }
 
-/// Returns the payloads of a profile's frames, each with its send slot (µs after the tick).
+/// Returns the payload of each frame of a profile, with the frame's send slot (µs after the tick).
 fn frames(gps: usize, profile: &[u8]) -> Vec<(u64, Vec<u8>)> {
     let slot = |frame| match gps {
         1 => air::send_slot_us::<1>(frame),
@@ -175,7 +175,7 @@ impl Plan {
         let mut publications = self.publications.iter().peekable();
         let mut forwarded = None;
         for selected in self.selects.iter().copied().chain([u64::MAX]) {
-            // The transaction may begin while one of these images is being put in.
+            // The DPR is busy if it is putting an image in when the transaction begins.
             let mut busy = false;
             let before = |publication: &&Publication| publication.at.saturating_sub(HELD_BEFORE) <= selected;
             while let Some(publication) = publications.next_if(before) {
@@ -202,7 +202,8 @@ impl Plan {
                 }
                 continue;
             }
-            // An image that is published during the transaction is announced at once, but put in after the transaction.
+            // An image that is published during the transaction is announced at once. The DPR puts it in after the
+            // transaction.
             let mut ready = ended + TO_READY;
             while let Some(publication) =
                 publications.next_if(|publication| publication.at - HELD_BEFORE <= ended + TO_READY)
@@ -242,7 +243,7 @@ struct Ssi {
 }
 
 impl Ssi {
-    /// Makes the image expire if its time is over at `now`.
+    /// Withdraws the image if its time is over at `now`.
     fn expire(&mut self, now: u64, events: &mut Vec<Event>) {
         if self.expires <= now && !self.held {
             self.held = true;
@@ -250,7 +251,7 @@ impl Ssi {
         }
     }
 
-    /// Puts an image in between transactions. Returns whether the next transaction then finds the DPR busy.
+    /// Puts an image in between two transactions. Returns whether the next transaction finds the DPR busy.
     fn put_in(&mut self, publication: &Publication, selected: u64, events: &mut Vec<Event>) -> bool {
         let Publication { at, image } = publication;
         let released = at + RELEASED_AFTER;
@@ -270,7 +271,7 @@ impl Ssi {
     }
 }
 
-/// The violations of the SSI and of the base station. The logs lack what the other rules need.
+/// The violations of the SSI and of the base station. The logs lack events that the other rules need.
 const OURS: [Violation; 20] = [
     Violation::Answered,
     Violation::NoTransaction,
@@ -326,7 +327,8 @@ pub(crate) fn dpr_reset(asked: bool) -> What {
     What::Reset { board: Board::Dpr, cause: Cause::Pin, asked }
 }
 
-/// Returns the indices of the transactions that repeat an image, after which nothing is forwarded.
+/// Returns the indices of the transactions that read an image again. The flight controller forwards nothing after
+/// these.
 pub(crate) fn repeats(log: &Log) -> Vec<usize> {
     let mut last: Option<&[u8]> = None;
     let mut places = vec![];
@@ -365,7 +367,8 @@ pub(crate) fn blind(log: &mut Log, from: u64, to: u64) {
     }
 }
 
-/// Returns a flawless log, and the index of a transaction after which nothing is forwarded.
+/// Returns a flawless log, and the index of a transaction that reads an image again, so that nothing is forwarded after
+/// it.
 pub(crate) fn run(gps: usize) -> (Plan, Log, usize) {
     let plan = Plan::new(gps, 40);
     let log = plan.log();
@@ -373,7 +376,7 @@ pub(crate) fn run(gps: usize) -> (Plan, Log, usize) {
     (plan, log, place)
 }
 
-/// Returns the last image read before the transaction at index `place` that differs from its image.
+/// Returns the last image read before the transaction at index `place` that differs from the image read there.
 pub(crate) fn image_before(log: &Log, place: usize) -> Vec<u8> {
     let mut log = log.clone();
     let now = miso(&mut log, place).clone();
@@ -390,7 +393,7 @@ pub(crate) const MISUSE: Disturbance = Disturbance::FlightController { conduct: 
 pub(crate) const RECEIVE_BIT: Disturbance = Disturbance::Memory { board: Board::Dpr, memory: Memory::Receive };
 pub(crate) const IMAGE_BIT: Disturbance = Disturbance::Memory { board: Board::Dpr, memory: Memory::Images };
 
-/// Returns the event that the bench disturbs this until the instant `until`, ns.
+/// Returns the event by which the bench disturbs something until the instant `until`, ns.
 pub(crate) fn injected(disturbs: Disturbance, until: u64) -> What {
     What::Injected { kind: format!("{disturbs:?}"), disturbs, until }
 }

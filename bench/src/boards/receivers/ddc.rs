@@ -31,7 +31,7 @@ const TOO_FAST: &str = "I2C: more than 400 kHz (ZED-F9R data sheet 5.3)";
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum State {
     Idle,
-    /// The controller writes; the bytes of this transfer so far.
+    /// The controller writes. The field has the bytes of this transfer so far.
     Written(Vec<u8>),
     Read,
 }
@@ -52,16 +52,17 @@ pub(super) struct Ddc {
     pub(super) crossings: Crossings,
     state: State,
     register: u8,
-    /// The number of bytes that were available when the high byte of that number was read.
+    /// The number of available bytes, latched when the controller read its high byte.
     available: u16,
-    /// The end of the controller's last byte, ns; `None` if the controller has held the clock since then.
+    /// The end of the last byte, ns; `None` if the controller has held the clock since the last byte.
     last: Option<u64>,
-    /// Whether the controller has not acknowledged the last byte. It must then end the transfer.
+    /// Whether the controller did not acknowledge the last byte, after which it must end the transfer.
     closing: bool,
     failing: Option<Failing>,
     made: [bool; 2],
-    /// Whether the receiver holds SCL and SDA low: now, and as last passed on.
+    /// Whether the receiver holds SCL and SDA low.
     low: [bool; 2],
+    /// The levels of SCL and SDA that the part has received last.
     told: [bool; 2],
     glitch_over: u64,
 }
@@ -123,7 +124,7 @@ impl Ddc {
         }
     }
 
-    /// Applies an event that ended at `at` (ns), and calls `heard` with each data byte for the receiver.
+    /// Applies an event that ended at `at` (ns). Calls `heard` with each data byte that the receiver accepts.
     pub(super) fn act(
         &mut self,
         at: u64,
@@ -162,7 +163,7 @@ impl Ddc {
                 let flips = self.flips();
                 let data = self.next(at, before.unwrap_or(at), flips) ^ flips;
                 self.closing = !acknowledged;
-                // A byte that is clocked too fast, or on a failing bus, may be read wrongly.
+                // The controller may misread a byte that it clocks too fast, or a byte on a failing bus.
                 if fast || self.failing.is_some() {
                     self.crossings.spoil();
                 }
@@ -177,7 +178,7 @@ impl Ddc {
         (answer, misuse)
     }
 
-    /// Returns the next byte of the register that is read, whose transfer lasts from `before` to `at` (ns).
+    /// Returns the next byte of the selected register. The byte's transfer lasts from `before` to `at` (ns).
     fn next(&mut self, at: u64, before: u64, flips: u8) -> u8 {
         let register = self.register;
         self.register = register.saturating_add(1);
@@ -203,7 +204,7 @@ impl Ddc {
                 _ => bytes.into_iter().for_each(heard),
             },
             State::Read => {
-                // A controller must end a read by not acknowledging its last byte.
+                // A controller must end a read by leaving the last byte unacknowledged.
                 if !std::mem::take(&mut self.closing) {
                     self.crossings.spoil();
                 }

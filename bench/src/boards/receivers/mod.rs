@@ -46,19 +46,20 @@ pub const BUFFER: usize = 4096;
 /// The time without communication after which a receiver puts no more messages into its output buffer, ns.
 pub const FORSAKEN: u64 = 2_000_000_000;
 
-/// The time after its first byte at which an unfinished bus transaction counts as abandoned, ns.
+/// The time, ns, after the first byte of a bus transaction, at which the transaction counts as abandoned if it has not
+/// ended.
 pub const ABANDONED: u64 = 50_000_000;
 
 #[derive(Clone, Debug, Default)]
 struct Outbox {
     bytes: VecDeque<u8>,
-    /// The groups of bytes that wait, each as the instant of its arrival (ns) and its number of bytes.
+    /// The groups of waiting bytes: each group's instant of arrival (ns) and its number of bytes.
     since: VecDeque<(u64, usize)>,
     read_at: u64,
 }
 
 impl Outbox {
-    /// Puts those messages into the buffer at `at` (ns) that fit, unless the bus was not used for [`FORSAKEN`].
+    /// Puts messages into the buffer at `at` (ns), if they fit and the bus was used within [`FORSAKEN`].
     fn put(&mut self, at: u64, mut messages: &[u8]) {
         if at.saturating_sub(self.read_at) > FORSAKEN {
             return;
@@ -85,7 +86,7 @@ impl Outbox {
     }
 }
 
-/// Returns the length of the first UBX message in `bytes`, or of the bytes that precede it.
+/// Returns the length of the UBX message at the start of `bytes`, or of the bytes before the first message.
 fn message_at_start_of(bytes: &[u8]) -> usize {
     match ubx::Frame::at_start_of(bytes) {
         Some(frame) => frame.wire_len(),
@@ -102,7 +103,7 @@ pub struct SentByte {
     pub at: u64,
     /// The receiver's index, from 0.
     pub receiver: usize,
-    /// The byte; `None` for an unreadable byte, which breaks the message that it belongs to.
+    /// The byte; `None` if the receiver cannot read it, which breaks the message that it belongs to.
     pub byte: Option<u8>,
 }
 
@@ -120,7 +121,7 @@ pub struct Receivers {
     attended: bool,
     heard: Vec<SentByte>,
     read: Vec<ReadBytes>,
-    /// The microcontroller's violations of a receiver's data sheet: the first of each kind, with its instant, ns.
+    /// What the microcontroller did against a receiver's data sheet: the first of each kind, with its instant, ns.
     misuses: Vec<(u64, String)>,
     told: Vec<(usize, &'static str)>,
     next: u64,
@@ -197,7 +198,8 @@ impl Receivers {
         }
     }
 
-    /// Keeps the bytes that the microcontroller sends for [`Receivers::take_sent`]. The node stops after each of them.
+    /// Requests that the bytes sent by the microcontroller are kept for [`Receivers::take_sent`]. The node stops after
+    /// each.
     pub fn attend(&mut self) {
         self.attended = true;
     }
@@ -213,7 +215,8 @@ impl Receivers {
         !self.heard.is_empty()
     }
 
-    /// Takes the bus transactions that have ended since the last call, or began [`ABANDONED`] before `now` (ns).
+    /// Takes the bus transactions that have ended since the last call. One that began [`ABANDONED`] before `now` (ns)
+    /// counts as ended.
     pub fn take_read(&mut self, now: u64) -> Vec<ReadBytes> {
         for (receiver, interface) in self.interfaces.iter_mut().enumerate() {
             let (Interface::I2c(Ddc { crossings, .. }) | Interface::Spi(Spi { crossings, .. })) = interface else {
@@ -228,7 +231,7 @@ impl Receivers {
         std::mem::take(&mut self.read)
     }
 
-    /// The beginning of the oldest bus transaction that was not taken yet, ns; `u64::MAX` for none.
+    /// The instant, ns, at which the oldest bus transaction began that has not been taken; `u64::MAX` for none.
     #[must_use]
     pub fn untold_since(&self) -> u64 {
         let of = |interface: &Interface| match interface {
@@ -239,7 +242,7 @@ impl Receivers {
         self.interfaces.iter().map(of).min().unwrap_or(u64::MAX)
     }
 
-    /// Takes the microcontroller's violations of the receivers' data sheets, each kind once in a run.
+    /// Takes what the microcontroller did against the receivers' data sheets. Each kind is reported once in a run.
     pub fn take_misuses(&mut self) -> Vec<(u64, String)> {
         std::mem::take(&mut self.misuses)
     }

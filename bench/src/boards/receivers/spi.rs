@@ -44,7 +44,7 @@ pub(super) struct Spi {
     pub(super) outbox: Outbox,
     pub(super) crossings: Crossings,
     selected: bool,
-    /// The beginning of the last byte that was loaded in time, ns; `None` since the selection.
+    /// The beginning of the last byte that the receiver loaded in time, ns; `None` since it was selected.
     last: Option<u64>,
     filler: u32,
     last_bit: bool,
@@ -94,7 +94,8 @@ impl Spi {
         frame.sck.contains(&Some(self.wires.sck))
     }
 
-    /// Transfers a frame from `begins` to `ends` (ns), and calls `heard` with each accepted byte and its instant.
+    /// Transfers a frame from `begins` to `ends` (ns). Calls `heard` with each byte that the receiver accepts and its
+    /// instant.
     pub(super) fn clock(
         &mut self,
         begins: u64,
@@ -113,7 +114,7 @@ impl Spi {
         } else if (ends - begins) * 1_000 < bits * SHORTEST_BIT_PS - 1_000 {
             misuse = Some(FAST_CLOCK);
         }
-        // The receiver's pull-up holds an undriven MOSI high.
+        // The receiver's pull-up holds MOSI high while the part does not drive it.
         let mosi = if frame.mosi.contains(&Some(self.wires.mosi)) { frame.data } else { u32::MAX };
         let mut answer = 0_u32;
         for number in 0..bytes.max(1) {

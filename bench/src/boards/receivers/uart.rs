@@ -11,9 +11,10 @@ use horus_tx_fw::timing::GNSS_BAUD;
 
 use emulator_node::Input;
 
-/// The bit's duration divided by this number is its greatest permitted deviation: 2.5 %.
+/// A bit may be longer or shorter by one part in this number, 2.5 %.
 const TOLERANCE: u64 = 40;
-/// The number of unreadable frames in [`ERROR_WINDOW`] above which the receiver ignores its input for the rest of it.
+/// The number of unreadable frames in [`ERROR_WINDOW`] that the receiver accepts. After more it ignores its input until
+/// the window ends.
 const MOST_ERRORS: u32 = 100;
 const ERROR_WINDOW: u64 = 1_000_000_000;
 
@@ -25,7 +26,7 @@ pub(super) struct Uart {
     free_at: u64,
     /// The duration of a bit at the rate to which the receiver's input is set, ps.
     bit_ps: u64,
-    /// The beginning of the present [`ERROR_WINDOW`], ns, and its number of unreadable frames.
+    /// The beginning of the present [`ERROR_WINDOW`], ns, and the number of unreadable frames in it.
     errors: (u64, u32),
 }
 
@@ -49,7 +50,8 @@ impl Uart {
         self.bit_ps = UartFrame::eight_n_one(0, baud.max(1)).bit_ps;
     }
 
-    /// Returns the byte that the receiver reads, `Some(None)` if unreadable, or `None` while it ignores its input.
+    /// Returns the byte that the receiver reads, `Some(None)` for an unreadable frame, or `None` while it ignores its
+    /// input.
     pub(super) fn hears(&mut self, at: u64, frame: &UartFrame) -> Option<Option<u8>> {
         if at >= self.errors.0 + ERROR_WINDOW {
             self.errors = (at, 0);

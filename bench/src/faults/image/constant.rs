@@ -69,7 +69,8 @@ fn replaced(image: &[u8], of: u32, value: u32) -> Vec<(usize, Vec<u8>)> {
     places
 }
 
-/// The first halfwords of MOVW (MOV in encoding T3) and MOV (encoding T2), ARMv7-M ARM A7.7.76. MOVT is A7.7.79.
+/// The first halfwords of the instructions that load a constant: MOVW (MOV in encoding T3), MOVT and MOV (encoding T2),
+/// ARMv7-M ARM A7.7.76 and A7.7.79.
 const MOVW: u16 = 0xF240;
 const MOVT: u16 = 0xF2C0;
 const MOV: u16 = 0xF04F;
@@ -92,7 +93,7 @@ fn encoded(opcode: u16, register: u16, value: u16) -> (u16, u16) {
     (opcode | (value >> 11 & 1) << 10 | value >> 12, (value >> 8 & 7) << 12 | register << 8 | value & 0xFF)
 }
 
-/// The bits of both halfwords that encode `value` as a modified immediate; `None` if it cannot be encoded.
+/// Returns the bits of both halfwords that encode `value` as a modified immediate; `None` if none do.
 fn modified(value: u32) -> Option<(u16, u16)> {
     let bits = |code: u16| ((code >> 11 & 1) << 10, (code >> 8 & 7) << 12 | code & 0xFF);
     (0..0x1000).map(bits).find(|bits| expanded(*bits) == value)
@@ -119,7 +120,7 @@ mod tests {
 
     #[test]
     fn a_constant_of_16_bits_is_replaced_in_a_movw() {
-        // The instruction is MOVW r1, #24480.
+        // The second instruction in memory is MOVW r1, #24480.
         let image = image(&[0xBF00, 0xF645, 0x71A0]);
         assert_eq!(replaced(&image, 24_480, 24_481), [(2, vec![0x45, 0xF6, 0xA1, 0x71])]);
         assert!(replaced(&image, 24_481, 0).is_empty());
@@ -133,24 +134,24 @@ mod tests {
         let (to_low, to_high) = (encoded(MOVW, 1, 0xFCC0), encoded(MOVT, 1, 6));
         let wanted = [(0, image(&[to_low.0, to_low.1])), (6, image(&[to_high.0, to_high.1]))];
         assert_eq!(replaced(&code, of, 0x0006_FCC0), wanted);
-        // The low half of a 32-bit constant must not be found as a constant of its own.
+        // The low half of a 32-bit constant does not count as a constant.
         assert!(replaced(&code, 0xC4A0, 1).is_empty());
     }
 
     #[test]
     fn a_constant_is_found_in_a_modified_immediate() {
-        // The instruction is MOV.W r3, #0x4400.
+        // The instruction here is MOV.W r3, #0x4400.
         let (one, two) = encoded(MOVW, 3, 0x4401);
         assert_eq!(replaced(&image(&[0xF44F, 0x4388]), 0x4400, 0x4401), [(0, image(&[one, two]))]);
     }
 
     #[test]
     fn a_modified_immediate_is_replaced_in_an_add_or_orr() {
-        // The code is ADD.W r1, r1, #0x4400; ORR r2, r6, #0x4400; CMN.W r1, #0x4400.
+        // The code has three instructions: ADD.W r1, r1, #0x4400; ORR r2, r6, #0x4400; CMN.W r1, #0x4400.
         let code = image(&[0xF501, 0x4188, 0xF446, 0x4288, 0xF511, 0x4F88]);
         let wanted = [(0, image(&[0xF501, 0x418A])), (4, image(&[0xF446, 0x428A]))];
         assert_eq!(replaced(&code, 0x4400, 0x4500), wanted);
-        // The new value is not a modified immediate, so these instructions cannot load it.
+        // The value 0x4401 cannot be encoded as a modified immediate, so the instructions cannot load it.
         assert!(replaced(&code, 0x4400, 0x4401).is_empty());
     }
 

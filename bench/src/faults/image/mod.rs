@@ -21,13 +21,13 @@ pub enum ImageFault {
     Dead(String),
     /// The handler of this vector, or the function of this name, never returns.
     Hung(String),
-    /// The handler of this vector, or the function of this name, executes an undefined instruction.
+    /// The handler of this vector, or the function of this name, begins with an undefined instruction.
     Faulting(String),
     /// The instruction at this address is a branch to itself.
     Stopped(u32),
     /// A variable or table, given by its symbol, holds these bytes from this offset on.
     Poke {
-        /// The variable's symbol as the linker has it, or the end of its path: `cycle_timer::TICKS`.
+        /// The variable's symbol as in the program's symbol table, or the end of its path: `cycle_timer::TICKS`.
         symbol: String,
         /// The offset of the changed bytes from the variable's first byte.
         offset: u32,
@@ -59,7 +59,7 @@ pub enum ImageFault {
         /// The new constant.
         value: u32,
     },
-    /// These bytes are written to memory, which may be flash, from this address on.
+    /// Given bytes are written to memory, which may be flash.
     Patch {
         /// The first byte's address.
         address: u32,
@@ -70,7 +70,7 @@ pub enum ImageFault {
     },
 }
 
-/// `BX LR`: the handler returns without any effect and without acknowledging its interrupt.
+/// The instruction `BX LR`: a handler returns without any effect and without acknowledging its interrupt.
 const RETURN: u16 = 0x4770;
 const BRANCH_TO_ITSELF: u16 = 0xE7FE;
 const UNDEFINED: u16 = 0xDE00;
@@ -158,7 +158,7 @@ impl Repair {
     }
 }
 
-/// The address in RAM of code that is copied from `address` in flash, or the address in flash for one in RAM.
+/// Returns the address in RAM of code that is copied from `address` in flash, or the other way round.
 fn twin<B: Board, C: Cost>(node: &Node<B, C>, address: u64) -> Option<u64> {
     let [start, end, load] = ["__shot", "__ehot", "__sihot"].map(|symbol| node.address_of(symbol).ok());
     let (start, end, load) = (start?, end?, load?);
@@ -166,13 +166,14 @@ fn twin<B: Board, C: Cost>(node: &Node<B, C>, address: u64) -> Option<u64> {
     from(start).map(|offset| load + offset).or_else(|| from(load).map(|offset| start + offset))
 }
 
-/// The address in flash of the byte at `address`, which may be in RAM for copied code.
+/// Returns the address in flash of the byte at `address`, which may be in RAM if the code is copied there.
 fn stored<B: Board, C: Cost>(node: &Node<B, C>, address: u64) -> u64 {
     let runs = node.address_of("__shot").is_ok_and(|start| address >= start);
     twin(node, address).filter(|_| runs).unwrap_or(address)
 }
 
-/// The address of the first instruction of the handler or function `name`, a symbol or the end of a function's path.
+/// Returns the address of the first instruction of the handler or function `name`, which is a symbol or the end of a
+/// function's path.
 fn entry<B: Board, C: Cost>(node: &Node<B, C>, name: &str) -> Result<u64, Error> {
     let called = node.firmware().functions_called(name).next();
     node.address_of(name).or_else(|error| called.ok_or(error)).map(|address| address & !1)
@@ -193,14 +194,16 @@ fn place_of<B: Board, C: Cost>(node: &Node<B, C>, name: &str, bytes: &[u8]) -> R
     }
 }
 
-/// The addresses of the byte `with` in comparisons of a register with it, in the function `name`; at least one.
+/// Returns the addresses of the constant `with` in instructions of the function `name` that compare a register with it.
+/// There is at least one.
 fn comparisons<B: Board, C: Cost>(node: &Node<B, C>, name: &str, with: u8) -> Result<Vec<u64>, Error> {
     let first = entry(node, name)?;
     let end = first + node.firmware().size_at(first) as u64;
     let (mut pc, mut places) = (first, vec![]);
     while pc < end {
         let (one, two) = record::halves(node, pc as u32);
-        // CMP (immediate) has encodings T1 and T2, ARMv7-M ARM A7.7.27; the constant is the lowest byte of a halfword.
+        // CMP with a constant has encodings T1 and T2 (ARMv7-M ARM A7.7.27). The constant is the lowest byte of a
+        // halfword.
         let (narrow, wide) = (one & 0xF8FF == 0x2800 | u16::from(with), two == 0x0F00 | u16::from(with));
         if narrow {
             places.push(pc);
@@ -231,7 +234,7 @@ pub fn poke<B: Board, C: Cost>(
     Repair::after_writing(node, address, bytes)
 }
 
-/// Corrects the CRC of `node`'s program for the present flash contents, as the build sets it.
+/// Corrects the CRC of `node`'s program to match the present contents of flash, as the build does.
 ///
 /// # Errors
 ///

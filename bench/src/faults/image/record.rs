@@ -58,7 +58,8 @@ impl Store {
         let offset = if long {
             Offset::Immediate((second & 0xFFF).cast_signed())
         } else if second & 0x0F00 == 0x0C00 {
-            // In this form, encodings T4 of STR and T3 of STRB and STRH subtract the offset without write-back.
+            // In T4 of STR, and in T3 of STRB and STRH, these bits mean that the offset is subtracted and the base
+            // register stays as it is.
             Offset::Immediate(-(second & 0xFF).cast_signed())
         } else if second & 0x0FC0 == 0 {
             Offset::Register { rm: (second & 0xF) as u8, shift: (second >> 4 & 3) as u8 }
@@ -105,13 +106,13 @@ pub struct Recording {
     stores: BTreeSet<Stored>,
     pub(super) targets: BTreeSet<u32>,
     pub(super) conditional: BTreeSet<u32>,
-    /// For the address of each store, the address of the instruction executed before it.
+    /// For the address of each store, the address of the instruction that the core executed before the store.
     pub(super) before: BTreeMap<u32, u32>,
     last: u32,
 }
 
 impl Recording {
-    /// Runs `node` to `until` (ns) and calls `drain` after every step, which takes the signals that left the board.
+    /// Runs `node` to `until` (ns). Calls `drain` after every step to take the signals that have left the board.
     #[must_use]
     pub fn of<B: Board, C: Cost>(node: &mut Node<B, C>, until: u64, drain: impl FnMut(&mut Node<B, C>)) -> Self {
         let mut recording = Self::default();
@@ -135,14 +136,14 @@ impl Recording {
             let (pc, retired) = (node.register(15), node.instructions());
             let (first, second) = halves(node, pc);
             let length = if is_wide(first) { 4 } else { 2 };
-            // The field ICI/IT of EPSR is not zero within an IT block, ARMv7-M ARM B1.4.2.
+            // EPSR's field ICI/IT is not zero within an IT block (ARMv7-M ARM B1.4.2).
             let in_it_block = node.register(16) & 0x0600_FC00 != 0;
             let stored = Store::decode(first, second)
                 .map(|store| (store.address(node), node.register(usize::from(store.rt)), store.size))
                 .filter(|(address, ..)| *address >= PERIPHERALS);
             while node.instructions() == retired && node.now() < until && !node.is_asleep() {
                 node.advance(node.now() + 1);
-                // The node continues only after its outgoing signals have been taken.
+                // The node goes on only after the signals that left the board have been taken.
                 drain(node);
             }
             let next = node.register(15);
@@ -170,7 +171,7 @@ pub(super) fn halves<B: Board, C: Cost>(node: &Node<B, C>, address: u32) -> (u16
     let mut bytes = [0; 4];
     let address = super::stored(node, u64::from(address));
     if node.read(address, &mut bytes).is_err() {
-        // The read fails at a memory's last halfword, which has no second one after it.
+        // If the halfword is the last one of a memory, a read of the two after it fails.
         let _ = node.read(address, &mut bytes[..2]);
     }
     (u16::from_le_bytes([bytes[0], bytes[1]]), u16::from_le_bytes([bytes[2], bytes[3]]))

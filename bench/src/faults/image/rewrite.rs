@@ -22,15 +22,15 @@ use super::seal;
 use emulator_node::{Board, Error, Node};
 
 const ALIGNED: u32 = 0x100;
-/// The distance, bytes, before and behind a store within which branches are searched. No task has more code.
+/// The distance, bytes, from a store within which branches to it are searched for. No task has more code.
 const NEAR: u32 = 0x2000;
 
-/// The change that a patch makes to the stores to one register.
+/// A change of all stores of a program to one register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Change {
     /// The register's address.
     pub address: u32,
-    /// The patch's effect on a store to that register.
+    /// The patch's effect on a store to the register at `address`.
     pub to: To,
 }
 
@@ -44,7 +44,7 @@ pub enum To {
         /// The new values of the changed bits, at the bits' own positions.
         value: u32,
     },
-    /// One stored value is replaced by another, while other values are stored unchanged.
+    /// Stores of one value store another value. Stores of any other value stay as they are.
     Instead {
         /// The value that the program stores.
         of: u32,
@@ -68,10 +68,10 @@ impl To {
 /// The reason why a program cannot be changed as requested.
 #[derive(Debug, thiserror::Error)]
 pub enum RewriteError {
-    /// The change affects no store in the recording.
+    /// The recording has no store that the change would affect.
     #[error("nothing of the image is changed by {0:x?}")]
     NothingChanged(Change),
-    /// An instruction must be moved but is not position-independent.
+    /// An instruction would have to be moved, but depends on its address.
     #[error("at {at:#010x}: {why}")]
     Instruction {
         /// The instruction's address.
@@ -79,7 +79,7 @@ pub enum RewriteError {
         /// The reason why the instruction cannot be moved.
         why: &'static str,
     },
-    /// The flash that the memory protection unit lets the program execute has too little free room.
+    /// The flash that the program may execute (by the memory protection unit) has too little free room for the patch.
     #[error("the image's changed instructions end at {0:#010x}, where it cannot execute them")]
     TooLong(u32),
     /// A symbol of the program is missing, or an address is outside the memory.
@@ -93,7 +93,7 @@ struct Code {
 }
 
 const fn bl_imm(distance: i32, opcode: u16, link: bool) -> [u16; 2] {
-    // The instruction is encoded as T4 of B or T1 of BL, ARMv7-M ARM A7.7.12 and A7.7.18.
+    // Returns the bits of a branch: encoding T4 of B or T1 of BL, ARMv7-M ARM A7.7.12 and A7.7.18.
     let value = distance as u32;
     let s = (value >> 24 & 1) as u16;
     let j1 = (!(value >> 23) & 1) as u16 ^ s;
@@ -142,7 +142,7 @@ impl Code {
         self.halves.len() - 2
     }
 
-    /// Assembles `store` so that its effect is changed if it stores to a register in `changes`.
+    /// Assembles `store`, and changes its effect if it stores to a register in `changes`.
     fn store(&mut self, store: Store, encoding: &[u16], changes: &[Change]) {
         let scratch: Vec<u8> = (0..8).filter(|register| !store.uses(*register)).take(3).collect();
         let [a, b, c] = scratch[..] else { unreachable!("a store uses three registers of eight at most") };
@@ -150,12 +150,12 @@ impl Code {
         let half = u16::from;
         let mut joins = vec![];
         for change in changes {
-            // The assembled code is PUSH {a, b, c}; b = APSR; a = the store's address; c = the address of the changed
-            // register.
+            // The code is PUSH {a, b, c}; b = APSR; a = the store's address; c = the address of the changed register.
             self.raw(&[0xB400 | saved, 0xF3EF, 0x8000 | half(b) << 8]);
             match store.offset {
                 Offset::Immediate(value) => {
-                    // ADDW, or SUBW for a negative offset, adds the store's offset to its base register.
+                    // The store's offset is added to its base register by ADDW, or subtracted by SUBW if it is
+                    // negative.
                     let (opcode, value) = (if value < 0 { 0xF2A0 } else { 0xF200 }, value.unsigned_abs());
                     self.raw(&[
                         opcode | (value >> 11 & 1) << 10 | half(store.rn),
@@ -167,18 +167,18 @@ impl Code {
                 }
             }
             self.load(c, change.address);
-            // The assembled code is CMP a, c and a BEQ over the branch that leads to the next change.
+            // The code is CMP a, c, and a BEQ that skips the branch to the next change.
             self.raw(&[0x4280 | half(c) << 3 | half(a), 0xD001]);
             let mut others = vec![self.hole()];
             if let To::Instead { of, .. } = change.to {
                 self.load(c, of);
-                // CMP Rt, c has encoding T1 for low registers, T2 for high ones.
+                // CMP Rt, c uses encoding T1 for a low register Rt, and T2 for a high one.
                 let rt = half(store.rt);
                 let compare = if rt < 8 { 0x4280 | half(c) << 3 | rt } else { 0x4580 | half(c) << 3 | rt & 7 };
                 self.raw(&[compare, 0xD001]);
                 others.push(self.hole());
             }
-            // The assembled code is APSR = b; a = Rt.
+            // The code restores APSR from b, and copies Rt to a.
             self.raw(&[0xF380 | half(b), 0x8800, 0x4600 | half(store.rt) << 3 | half(a)]);
             let (mask, bits) = match change.to {
                 To::Bits { mask, value } => (mask, value),
@@ -192,7 +192,7 @@ impl Code {
                 self.load(c, bits);
                 self.raw(&[0xEA40 | rt, rt << 8 | half(c)]);
                 self.raw(encoding);
-                // The assembled code is Rt = a.
+                // The code copies a to Rt.
                 self.raw(&[0x4600 | u16::from(store.rt >> 3) << 7 | half(a) << 3 | half(store.rt & 7)]);
             }
             self.raw(&[0xBC00 | saved]);
@@ -208,7 +208,7 @@ impl Code {
         }
     }
 
-    /// Assembles the instruction `encoding` from `pc` so that it has the same effect at its new address.
+    /// Assembles the instruction `encoding`, which stood at `pc`, so that it has the same effect at its new address.
     fn moved(
         &mut self,
         pc: u32,
@@ -218,7 +218,7 @@ impl Code {
         let refuse = |why| Err(RewriteError::Instruction { at: pc, why });
         let first = encoding[0];
         if let [_, second] = *encoding {
-            // This is the group "branches and miscellaneous control", ARMv7-M ARM A5.3.4.
+            // Encodings of the group "branches and miscellaneous control" are in ARMv7-M ARM A5.3.4.
             if first & 0xF800 == 0xF000 && second & 0x8000 != 0 {
                 match (second & 0xD000, first >> 6 & 0xF) {
                     (0xD000, _) => {
@@ -229,7 +229,8 @@ impl Code {
                     (0x9000, _) => self.branch(pc.wrapping_add(4).wrapping_add_signed(bl_distance(first, second))),
                     (0x8000, condition @ 0..0xE) => {
                         let target = pc.wrapping_add(4).wrapping_add_signed(conditional_distance(first, second));
-                        // A 32-bit branch replaces this one, and a branch with the inverse condition skips it.
+                        // A 32-bit branch replaces the short one. A conditional branch with the inverse condition skips
+                        // it.
                         self.raw(&[0xD000 | (condition ^ 1) << 8 | 1]);
                         self.branch(target);
                     }
@@ -248,7 +249,7 @@ impl Code {
             // The instruction is B<cond>.
             0xD if first >> 8 & 0xF < 0xE => {
                 let target = pc.wrapping_add(4).wrapping_add_signed(2 * signed(first & 0xFF, 8));
-                // A 32-bit branch replaces this one, and a branch with the inverse condition skips it.
+                // A 32-bit branch replaces the short one. A conditional branch with the inverse condition skips it.
                 self.raw(&[(first & 0xFF00) ^ 0x0100 | 1]);
                 self.branch(target);
             }
@@ -261,7 +262,7 @@ impl Code {
                     return refuse("an IT block cannot be moved");
                 }
                 if first & 0xF500 == 0xB100 {
-                    // A 32-bit branch replaces CBZ or CBNZ, and the opposite instruction skips it.
+                    // A 32-bit branch replaces CBZ or CBNZ. The opposite instruction skips it.
                     self.raw(&[(first ^ 0x0800) & 0xFD07 | 1 << 3]);
                     self.branch(pc + 4 + u32::from((first >> 9 & 1) << 6 | (first >> 3 & 0x1F) << 1));
                 } else {
@@ -288,7 +289,7 @@ const fn is_relative(first: u16) -> bool {
     table || load || first & 0xFB5F == 0xF20F
 }
 
-/// Whether the instruction at `pc` can be moved to another address without a change of its effect.
+/// Whether the instruction at `pc` has the same effect at any other address.
 fn can_move<B: Board, C: Cost>(node: &Node<B, C>, pc: u32) -> bool {
     let (one, two) = halves(node, pc);
     let encoding = if is_wide(one) { &[one, two][..] } else { &[one] };
@@ -307,7 +308,8 @@ fn bl_distance(first: u16, second: u16) -> i32 {
     (value << 7).cast_signed() >> 7
 }
 
-/// The targets of all direct branches within [`NEAR`] bytes of `site`, even of those that were not recorded.
+/// Returns the targets of all direct branches within [`NEAR`] bytes of `site`, including branches that did not run in
+/// the recording.
 fn near_targets<B: Board, C: Cost>(node: &Node<B, C>, site: u32) -> BTreeSet<u32> {
     let mut targets = BTreeSet::new();
     let mut pc = site.saturating_sub(NEAR) & !3;
@@ -357,7 +359,7 @@ pub fn rewrite<B: Board, C: Cost>(
         return Ok(());
     }
     let refuse = |at, why| Err(RewriteError::Instruction { at, why });
-    // The stubs directly follow the program, because each board's firmware may execute only a part of its free flash.
+    // The stubs begin just behind the program, because a firmware may execute only a part of its free flash.
     let end = node.address_of("__program_crc")? as u32 + 4;
     let mut stubs = Code { base: end.next_multiple_of(ALIGNED), halves: vec![] };
     let mut done = 0;
@@ -370,7 +372,8 @@ pub fn rewrite<B: Board, C: Cost>(
         let narrow = !is_wide(halves(node, site).0);
         let mut skip = None;
         let start = if recording.conditional.contains(&site) {
-            // The IT block contains only the store, and the stub returns after it if the condition is false.
+            // The IT block has only the store. If the condition is false, the stub returns right after the IT
+            // instruction.
             let it = halves(node, site - 2).0;
             if !narrow || it & 0xFF0F != 0xBF08 {
                 return refuse(site, "a store in an IT block of more than one instruction cannot be replaced");
@@ -379,7 +382,8 @@ pub fn rewrite<B: Board, C: Cost>(
             skip = Some(stubs.hole());
             site - 2
         } else if narrow && (targets.contains(&(site + 2)) || !can_move(node, site + 2)) {
-            // The instruction before the store moves if the one after it is a branch target or cannot move.
+            // If the instruction after the store is a branch target or cannot be moved, the one before the store is
+            // moved.
             recording.before[&site]
         } else {
             site
@@ -421,12 +425,13 @@ pub fn rewrite<B: Board, C: Cost>(
         return Err(RewriteError::TooLong(stubs.here()));
     }
     stubs.write_to(node)?;
-    // The patch is permanent, so the repair is dropped.
+    // The patch is never undone, so the repair of the CRC is dropped.
     let _ = seal(node)?;
     Ok(())
 }
 
-/// Whether the memory protection lets either firmware execute flash at `address`. The boards' flash does not overlap.
+/// Whether the memory protection of either firmware permits execution at `address` in flash. The two boards' flash does
+/// not overlap.
 fn may_execute(address: u32) -> bool {
     let (horus, dpr) = (horus_tx_fw::protection::TASKS, dpr_fw::protection::TASKS);
     horus.allows(address, Access::Execute) || dpr.allows(address, Access::Execute)
@@ -479,7 +484,7 @@ mod tests {
             let [first, second] = bl_imm(distance, 0xF000, true);
             assert_eq!(bl_distance(first, second), distance);
         }
-        // The three BEQ.W have distance zero, a long distance ahead, and a distance back to themselves.
+        // The three BEQ.W branch by zero, far ahead, and back to themselves.
         assert_eq!(conditional_distance(0xF000, 0x8000), 0);
         assert_eq!(conditional_distance(0xF03F, 0xAFFF), 0xF_FFFE);
         assert_eq!(conditional_distance(0xF43F, 0xAFFE), -4);
@@ -487,7 +492,7 @@ mod tests {
 
     #[test]
     fn an_instruction_that_means_the_same_everywhere_is_copied() {
-        // These instructions do not change when they move: ADDS r0, #1; DSB; MSR PRIMASK, r0; MOVW r1, #0.
+        // These instructions have the same encoding at any address: ADDS r0, #1; DSB; MSR PRIMASK, r0; MOVW r1, #0.
         for encoding in [&[0x3001_u16][..], &[0xF3BF, 0x8F4F], &[0xF380, 0x8810], &[0xF240, 0x0100]] {
             assert_eq!(moved(0x800_0100, 0x804_0000, encoding), [unmoved(0x800_0100, encoding)]);
         }

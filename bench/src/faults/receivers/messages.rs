@@ -20,7 +20,7 @@ pub(super) fn last_itow(bytes: &[u8]) -> Option<u32> {
     last
 }
 
-/// Returns `bytes` after a call of `change` for each whole UBX message with class, identifier and payload.
+/// Returns `bytes` after `change` has been called for each whole UBX message in it, with class, identifier and payload.
 pub(super) fn each_message(bytes: &[u8], mut change: impl FnMut(u8, u8, &mut Vec<u8>)) -> Vec<u8> {
     let mut changed = Vec::with_capacity(bytes.len());
     let mut rest = bytes;
@@ -59,7 +59,7 @@ fn itow_at(class: u8, id: u8, payload: &[u8]) -> Option<usize> {
         return Some(8);
     }
     let itow = Frame { class, id, payload }.itow_ms()?.to_le_bytes();
-    // The time of week is the first field, or follows a version field of four bytes.
+    // The time of week is the first field, or follows a four-byte field with a version.
     [0, 4].into_iter().find(|&at| payload.get(at..at + 4) == Some(&itow))
 }
 
@@ -69,7 +69,7 @@ pub(super) fn set_itow(class: u8, id: u8, payload: &mut [u8], itow_ms: u32) {
     }
 }
 
-/// Removes the fix from a NAV-PVT message and, if the receiver has just `started`, the time (UBX-13003221).
+/// Removes the fix from a NAV-PVT message. If the receiver has just `started`, the time is removed too (UBX-13003221).
 pub(super) fn without_fix(class: u8, id: u8, payload: &mut [u8], started: bool) {
     if (class, id) != (ubx::CLASS_NAV, NavPvt::ID) || payload.len() < NavPvt::PAYLOAD {
         return;
@@ -77,7 +77,7 @@ pub(super) fn without_fix(class: u8, id: u8, payload: &mut [u8], started: bool) 
     if started {
         payload[11] = 0;
     }
-    // The cleared fields are fixType, flags, numSV and flags3.
+    // The fields to clear are fixType, flags, numSV and flags3.
     payload[20] = 0;
     payload[21] &= !NavPvt::FLAG_FIX_OK;
     payload[23] = 0;
@@ -127,7 +127,7 @@ pub(super) fn move_by(class: u8, id: u8, payload: &mut [u8], [north, east, up]: 
     add(HEIGHT, up, i32::MAX.into());
 }
 
-/// Longitude and latitude (10⁻⁷ degrees) and height (mm) of the last NAV-PVT message in `bytes`.
+/// Returns longitude and latitude (10⁻⁷ degrees) and height (mm) of the last NAV-PVT message in `bytes`.
 pub(super) fn last_position(bytes: &[u8]) -> Option<[i32; 3]> {
     let mut last = None;
     each_message(bytes, |class, id, payload| {

@@ -52,7 +52,7 @@ pub enum ReceiverFault {
     Beginnings,
     /// The receiver sends whole UBX messages that HORUS has not requested, without a pause.
     Unasked,
-    /// The receiver sends new data, but always with the time of week of its last message before the fault.
+    /// The receiver sends new data, but the time of week stays that of its last message before the fault.
     Frozen,
     /// The receiver sends at this bit rate, bit/s.
     WrongBaud(u32),
@@ -65,7 +65,7 @@ pub enum ReceiverFault {
     /// The receiver is silent in the first half of the episode. In the second half it has no fix, and its time begins
     /// at 0.
     Restarts,
-    /// The receiver's position is wrong by a distance to the north.
+    /// The receiver's position is wrong: it lies farther north by a distance.
     Jumps {
         /// The distance, m.
         metres: u32,
@@ -79,7 +79,7 @@ pub enum ReceiverFault {
         /// The error upwards, m.
         up: i32,
     },
-    /// The receiver's position moves north at this speed, but its velocity does not, as with slow spoofing.
+    /// The receiver's position moves north at this speed, but its stated velocity does not, as with slow spoofing.
     Drifts {
         /// The speed, mm/s.
         mm_s: u32,
@@ -98,7 +98,7 @@ pub enum ReceiverFault {
         /// The error of the forward acceleration, cm/s².
         cm_s2: i32,
     },
-    /// The receiver reports an accuracy of [`UNDERSTATED_MM`], whatever its true error.
+    /// The receiver states an accuracy of [`UNDERSTATED_MM`] although its error is larger.
     Understates,
     /// A field of the receiver's NAV-PVT messages has an impossible value.
     Absurd(Absurd),
@@ -180,10 +180,11 @@ pub const LONGEST_SILENCE: u64 = 1_000_000_000;
 /// The longest time for which a line is held low by one frame, ns.
 const LONGEST_BREAK: u64 = 3_600_000_000_000;
 
-/// The number of frames that are generated together: about a millisecond, and a multiple of [`BEGINNING`]'s length.
+/// The number of UART frames that are generated at once: about a millisecond of them, and a multiple of [`BEGINNING`]'s
+/// length.
 const CHUNK: usize = 48;
 
-/// The beginning of a NAV-PVT message whose length field has its greatest value.
+/// The first bytes of a NAV-PVT message whose length field has its greatest value.
 const BEGINNING: [u8; 6] = [0xB5, 0x62, 0x01, 0x07, 0xFF, 0xFF];
 
 impl ReceiverFault {
@@ -244,7 +245,8 @@ impl ReceiverFault {
 /// UART frames that follow one another on a receiver's line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OnLine {
-    /// The instant at which the first frame's start bit begins, ns. On a busy line the frames begin when it is free.
+    /// The instant at which the first frame's start bit begins, ns. If the line is busy then, the frames begin when it
+    /// is free.
     pub at_ns: u64,
     /// The receiver's index, from 0.
     pub receiver: usize,
@@ -274,7 +276,7 @@ struct Active {
     fault: ReceiverFault,
     at: u64,
     until: u64,
-    /// The instant, ns, at which the fault next makes the receiver send something outside its own bursts.
+    /// The instant, ns, at which the fault next makes the receiver send bytes outside its bursts.
     next: u64,
 }
 
@@ -283,7 +285,8 @@ struct Line {
     /// The present faults in order of their beginnings. Only the last one has an effect.
     faults: Vec<Active>,
     last_itow: Option<u32>,
-    /// Longitude, latitude and height in the receiver's last burst without a fault, in the units of NAV-PVT.
+    /// The position in the receiver's last burst without a fault: longitude, latitude and height, in the units of
+    /// NAV-PVT.
     last_position: Option<[i32; 3]>,
     /// Delayed bursts, in order of time.
     waiting: VecDeque<OnLine>,
@@ -336,8 +339,8 @@ impl LineFaults {
         }
     }
 
-    /// Returns what appears on the line instead of `bytes`, which the receiver sends from `at` (ns) on. Delayed bursts
-    /// are kept for [`LineFaults::take`].
+    /// Returns what appears on the line if the receiver sends `bytes` from `at` (ns) on. A delayed burst is kept for
+    /// [`LineFaults::take`].
     pub fn burst(&mut self, at: u64, receiver: usize, bytes: &[u8]) -> Vec<OnLine> {
         let line = self.line(receiver);
         let Some(active) = line.faults.last().copied() else {
@@ -469,11 +472,11 @@ impl LineFaults {
             let bytes: Vec<u8> = match active.fault {
                 ReceiverFault::Babbles => (0..CHUNK).map(|_| self.rng.byte()).collect(),
                 ReceiverFault::Beginnings => BEGINNING.into_iter().cycle().take(CHUNK).collect(),
-                // The unsolicited message is MON-VER, the answer to a poll of the receiver's version.
+                // The receiver sends MON-VER, which answers a poll of its version and which nobody has requested.
                 _ => ubx::frame(0x0A, 0x04, &[self.rng.byte(); CHUNK - ubx::OVERHEAD]),
             };
             let on_line = OnLine::clean(now, receiver, &bytes);
-            // A fault of this kind never leaves the line idle.
+            // The line is busy all the time, because the next group of frames begins as soon as this group ends.
             active.next = now + on_line.frames.iter().map(UartFrame::ns).sum::<u64>();
             taken.push(on_line);
         }
@@ -488,16 +491,17 @@ fn damaged(at_ns: u64, receiver: usize, frames: Vec<UartFrame>) -> OnLine {
     on_line
 }
 
-/// The UART frame of `byte` with a high or a low stop bit; the latter is sent as a ninth data bit.
+/// Returns the UART frame of `byte` with a high or a low stop bit. A low one is sent as a ninth data bit.
 const fn with_stop(byte: u8, high: bool) -> UartFrame {
     let frame = UartFrame::eight_n_one(byte, GNSS_BAUD);
     if high { frame } else { UartFrame { bits: 9, ..frame } }
 }
 
-/// A low level for `ns`, or for one character if that is longer; the line is high in the last twentieth of the time.
+/// Returns a frame that holds the line low for `ns`, or for one character if that is longer. The line is high in the
+/// last twentieth of the time.
 fn low_for(ns: u64) -> UartFrame {
     let character = UartFrame::eight_n_one(0, GNSS_BAUD);
     let ns = ns.clamp(character.ns(), LONGEST_BREAK);
-    // The line is low for ten bits and high for half a bit.
+    // The frame has 10.5 bits: ten are low, and the last half is high.
     UartFrame { bits: 9, stop_halves: 1, bit_ps: ns * 2_000 / 21, ..character }
 }

@@ -18,7 +18,7 @@ pub enum Schedule {
 pub struct Placed {
     /// The instant at which chip select falls, in the bench's time, ns.
     pub at_ns: u64,
-    /// The number of bytes that are clocked, up to the whole image.
+    /// The number of bytes that are clocked, at most those of the image.
     pub bytes: usize,
 }
 
@@ -40,10 +40,10 @@ pub struct Config {
     /// Whether the flight controller writes uplinks and commands, and reads the whole map ([`super::uplinks`]).
     pub writes: bool,
     /// Whether the base station's uplinks come by radio ([`FlightController::write`](super::FlightController::write)).
-    /// Otherwise the flight controller generates them.
+    /// Otherwise the flight controller makes them up.
     pub relays: bool,
-    /// The seed of the commands to the active hold that the DPR shows; `None` without a hold. With
-    /// [`relays`](Self::relays) there are none, since the base station's come by radio.
+    /// The seed of the commands to the active hold; `None` without a hold. With [`relays`](Self::relays) the flight
+    /// controller generates none, since the base station's commands come by radio.
     pub hold: Option<u64>,
     /// The seed of all random values while the flight controller misuses the SSI.
     pub seed: u64,

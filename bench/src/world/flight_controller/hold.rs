@@ -1,9 +1,9 @@
-//! The flight controller as a reader of the active hold, and the commands to it: those of the flight controller, and
-//! those of the base station where the flight controller generates its uplinks.
+//! The flight controller's dealings with the active hold: it reads the hold's object and sends commands. If the flight
+//! controller generates the base station's uplinks, it sends the base station's commands too.
 //!
-//! Each writer sends one command after the other, drawn from the seed: set-points inside and outside any sensible
-//! limits, lock, unlock, clear, and words that no hold knows. In between, some uplinks repeat a number that the hold
-//! has acknowledged, or one before it, with another command, which the hold must not execute.
+//! Each writer sends one command after the other, drawn from the seed: set-points within and beyond sensible limits,
+//! lock, unlock, clear, and words that no hold knows. Some uplinks carry another command under the number of an
+//! acknowledged one, or under the number before. The hold must not execute these.
 
 use profile::criticality::{BaseStation, FlightController, WritesUplink};
 use profile::hold::{Acknowledged, COMMAND_SIZE, HoldCommand, Sender, Sent, Words};
@@ -12,12 +12,12 @@ use profile::{HoldStatus, Uplink};
 
 use crate::faults::Rng;
 
-/// The shortest and the longest time from the end of one command to the next one, ms.
+/// The shortest and the longest time, ms, from the end of one command to the next one.
 const PAUSE: (u64, u64) = (300, 2_000);
-/// The time after which a writer gives a command up, ms.
+/// The time, ms, after which a writer gives a command up that the hold has not acknowledged.
 const PATIENCE: u64 = 1_500;
 
-/// A word that no hold knows.
+/// A word that no hold knows, in place of a command.
 struct Unknown(u16);
 
 impl Words for Unknown {
@@ -30,24 +30,25 @@ impl Words for Unknown {
     }
 }
 
-/// What became of a writer's commands.
+/// The outcomes of a writer's commands.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Fates {
-    /// The commands that were sent.
+    /// The number of commands that were sent.
     pub sent: u64,
-    /// Those of them that the hold has acknowledged.
+    /// The number of commands that the hold has acknowledged.
     pub acknowledged: u64,
-    /// Those that the writer has given up, or that were lost with a restart of the hold.
+    /// The number of commands that the writer has given up, or that were lost with a restart of the hold.
     pub lost: u64,
 }
 
-/// One writer of commands.
+/// One writer of commands to the hold.
 #[derive(Clone, Debug)]
 struct Line<W> {
     sender: Sender<W>,
-    /// The instant of the next command or of giving the present one up, ms on the flight controller's clock.
+    /// The instant at which the writer sends the next command or gives the present one up, ms on the flight
+    /// controller's clock.
     next_ms: u64,
-    /// The number that the hold last acknowledged.
+    /// The number of the command that the hold acknowledged last.
     acknowledged: Option<Acknowledged>,
     fates: Fates,
 }
@@ -57,7 +58,7 @@ impl<W: WritesUplink> Line<W> {
         Self { sender: Sender::new(), next_ms: 0, acknowledged: None, fates: Fates::default() }
     }
 
-    /// Takes the acknowledgement from an object of the hold; `restarted` says that its timestamp went back.
+    /// Takes the acknowledgement from an object of the hold. `restarted` says that the object's timestamp went back.
     fn observe(&mut self, object: &HoldStatus, restarted: bool, now_ms: u64, rng: &mut Rng) {
         let waited = matches!(self.sender.sent(), Sent::Waiting(_));
         self.sender.observe(object.as_object());
@@ -71,7 +72,7 @@ impl<W: WritesUplink> Line<W> {
         }
     }
 
-    /// Puts what the writer commands at `now_ms` into the payload of its uplink.
+    /// Puts the writer's command, if there is one at `now_ms`, into the payload of its uplink.
     fn fill(&mut self, payload: &mut [u8; Uplink::PAYLOAD], now_ms: u64, rng: &mut Rng) {
         if now_ms >= self.next_ms {
             if matches!(self.sender.sent(), Sent::Waiting(_)) {
@@ -107,24 +108,24 @@ impl<W: WritesUplink> Line<W> {
     }
 }
 
-/// Reads the hold and commands it.
+/// The flight controller's reader of the hold's object, and sender of commands to the hold.
 #[derive(Clone, Debug)]
 pub struct HoldUser {
     rng: Rng,
     track: HoldTrack,
     last: Option<HoldReport>,
-    /// The timestamp of the last object.
+    /// The timestamp of the hold's last object.
     timestamp: Option<u32>,
     base: Line<BaseStation>,
     own: Line<FlightController>,
-    /// Whether it commands the hold; otherwise it only reads.
+    /// Whether commands are sent to the hold; otherwise its object is only read.
     commands: bool,
-    /// The number of readings of the whole map in which there was a valid Hold-Status, and of those without one.
+    /// The number of readings of the whole map with a valid Hold-Status, and the number without one.
     pub shown: (u64, u64),
 }
 
 impl HoldUser {
-    /// A reader whose commands follow from `seed`.
+    /// Returns a reader that also sends commands, which follow from `seed`.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         let rng = Rng::stream(seed, 0x4100);
@@ -132,7 +133,7 @@ impl HoldUser {
         Self { rng, track: HoldTrack::new(), last: None, timestamp: None, base, own, commands: true, shown: (0, 0) }
     }
 
-    /// A reader without commands: those of the base station come by radio.
+    /// Returns a reader that sends no commands, because the base station's come by radio.
     #[must_use]
     pub fn silent() -> Self {
         Self { commands: false, ..Self::new(0) }
@@ -152,7 +153,8 @@ impl HoldUser {
         }
     }
 
-    /// Puts commands into the payload of an uplink of `W` that is written at `own_ms` on the flight controller's clock.
+    /// Puts a command into the payload of an uplink of `W` that is written at `own_ms` on the flight controller's
+    /// clock.
     pub fn fill<W: WritesUplink>(&mut self, payload: &mut [u8; Uplink::PAYLOAD], own_ms: u64) {
         if !self.commands {
             payload[..COMMAND_SIZE].fill(0);
@@ -163,13 +165,13 @@ impl HoldUser {
         }
     }
 
-    /// What was known of the hold after the last transaction.
+    /// The state of the hold as of the last transaction.
     #[must_use]
     pub fn last(&self) -> Option<&HoldReport> {
         self.last.as_ref()
     }
 
-    /// What became of the commands of base station and flight controller.
+    /// The outcomes of the base station's and of the flight controller's commands.
     #[must_use]
     pub fn fates(&self) -> [Fates; 2] {
         [self.base.fates, self.own.fates]

@@ -3,9 +3,9 @@
 //! # Design
 //!
 //! Once in each control cycle (4 ms) the flight controller reads the DPR's image in one SPI transaction, mode 0, 8 MHz.
-//! It has its own crystal, so its cycle drifts relative to the DPR's work and meets it in every phase.
-//! [`FlightController::next_at`] gives the instant of its next action on the wires, and [`FlightController::act`]
-//! carries that action out through an [`SsiMaster`].
+//! Its own crystal makes this cycle drift through every phase of the DPR's work. [`FlightController::next_at`] gives
+//! the instant of its next action on the wires, and [`FlightController::act`] carries that action out through an
+//! [`SsiMaster`].
 //!
 //! The flight controller uses the client that real ones use, [`profile::ssi::client`]. The client determines what each
 //! transaction sends, finds the objects in the answer, and decides whether there is a position to fly by
@@ -51,7 +51,7 @@ use crate::faults::wires::Wires;
 /// The flight controller's totals since reset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Stats {
-    /// The number of finished transactions: the sum of the next four fields.
+    /// The number of transactions that have ended: the sum of the next four fields.
     pub transactions: u64,
     /// The number of transactions whose outcome was [`Outcome::Fresh`].
     pub fresh: u64,
@@ -72,18 +72,18 @@ pub struct FlightController {
     crystal: Crystal,
     master: SsiMaster,
     next_at: u64,
-    /// The number of the control cycle in which the next transaction begins.
+    /// The number, from reset, of the control cycle in which the next transaction begins.
     cycle: u64,
     /// The transactions that begin at instants that the bench chooses, in order of time.
     placed: VecDeque<Placed>,
     misconduct: Option<Misconduct>,
     episodes: u64,
-    /// The instant, ns, before which no further transaction begins.
+    /// The earliest instant, ns, at which a further transaction may begin.
     not_before: u64,
     client: Client,
-    /// The reader of the hold; `None` without one.
+    /// The reader of the hold's object; `None` without a hold.
     hold: Option<HoldUser>,
-    /// The windows that the next transactions without another request are to request, in order.
+    /// The windows to request in the next transactions that make no other request, in order.
     requests: VecDeque<Request>,
     asked: Option<Request>,
     last: Option<Reading>,
@@ -94,7 +94,7 @@ pub struct FlightController {
     images: Vec<(u64, Vec<u8>)>,
     /// Each intact Port-Status with the base station's uplink, and the instant (ns) at which its transaction ended.
     ports: Vec<(u64, Vec<u8>)>,
-    /// The bytes in the place of the hold's object, each with the instant (ns) at which its transaction ended.
+    /// The bytes read at the place of the hold's object, each with the instant (ns) at which its transaction ended.
     holds: Vec<(u64, Vec<u8>)>,
     stats: Stats,
 }
@@ -140,9 +140,9 @@ impl FlightController {
         controller
     }
 
-    /// Requests a window of the image in the next transaction that has no other request. The transaction after it reads
-    /// that window. If the DPR is busy, the request is repeated. Without requests every transaction reads the whole
-    /// image.
+    /// Requests a window of the image in the next transaction that makes no other request. The transaction after that
+    /// reads the window. If the DPR is busy, the request is repeated. Without requests every transaction reads the
+    /// whole image.
     ///
     /// # Panics
     ///
@@ -186,7 +186,7 @@ impl FlightController {
     }
 
     /// Sets the misuse of the SSI from `at` (ns) on; `None` ends it. An ordinary transaction under way is completed
-    /// first, and one of a misuse is cut short.
+    /// first, but a misused one is cut short.
     pub fn set_conduct(&mut self, at: u64, conduct: Option<Conduct>) {
         if self.misconduct.take().is_some() {
             self.master.cut(at);
@@ -196,7 +196,7 @@ impl FlightController {
             self.misconduct = Some(Misconduct::new(conduct, self.config, self.config.seed ^ self.episodes));
             self.episodes += 1;
         } else {
-            // A transaction that is cut short ends with a whole byte, the hold time and the gap.
+            // A transaction that is cut short completes its present byte, and then keeps the hold time and the gap.
             let pace = self.config.pace;
             self.not_before += self.crystal.by_the_bench(pace.byte_ns + pace.hold_ns + pace.gap_ns);
             let from = self.not_before;
@@ -218,8 +218,8 @@ impl FlightController {
     }
 
     /// Carries out the due action on the DPR's pins. `wires` changes the bytes of MISO before the flight controller
-    /// receives them. Clocks without chip select are not reported, because they belong to no transaction. A finished
-    /// transaction contains the changed MISO, and [`Self::last`] is its evaluation.
+    /// receives them. Clocks without chip select belong to no transaction and are not returned. A finished transaction
+    /// contains the changed MISO, and [`Self::last`] is its evaluation.
     ///
     /// # Panics
     ///
@@ -245,7 +245,7 @@ impl FlightController {
         self.last.as_ref()
     }
 
-    /// Takes the bytes that the flight controller has sent to the base station since the last call.
+    /// Takes the bytes that the flight controller has sent towards the base station since the last call.
     #[must_use]
     pub fn take_downlink(&mut self) -> Vec<u8> {
         core::mem::take(&mut self.downlink)
@@ -265,7 +265,7 @@ impl FlightController {
         core::mem::take(&mut self.ports)
     }
 
-    /// Takes what was read in the place of the hold's object (64 bytes), each with its transaction's end (ns).
+    /// Takes the 64 bytes read at the place of the hold's object, each time with the transaction's end (ns).
     #[must_use]
     pub fn take_holds(&mut self) -> Vec<(u64, Vec<u8>)> {
         core::mem::take(&mut self.holds)
@@ -325,7 +325,7 @@ impl FlightController {
         let mut mosi = vec![0; self.client.capacity()];
         let bytes = self.client.begin(&mut mosi).expect("room for any transaction");
         if let Some(window) = refused {
-            // The client never requests windows outside the map, so the request is written here.
+            // The client never requests a window outside the map. The request for one is therefore encoded here.
             mosi[..ssi::REQUEST_SIZE].copy_from_slice(&ssi::encode(window));
         }
         mosi.truncate(bytes);

@@ -7,13 +7,13 @@ use profile::{Layout, LinkValues, Rejection};
 /// The result of a transaction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Outcome {
-    /// All that was read is intact, the whole image was read, and its profile is not the one that was forwarded last.
+    /// Everything that was read is intact: the whole image, with a profile that is not the one forwarded last.
     Fresh,
-    /// All that was read is intact, but it has no profile or only the one that was forwarded last.
+    /// Everything that was read is intact, but there is no profile, or only the one that was forwarded last.
     Repeated,
     /// Every byte is 0xFF: the DPR was busy.
     Busy,
-    /// Link-Status or an object is neither intact nor vacant, so the flight controller uses nothing of the image.
+    /// Link-Status or an object is neither intact nor vacant. The flight controller then uses nothing of the image.
     BadCrc,
 }
 
@@ -28,11 +28,11 @@ pub struct Reading {
     pub offset: usize,
     /// Link-Status, if it was read and intact.
     pub link: Option<LinkValues>,
-    /// The timestamp of the first valid object, ms since HORUS's start. Reported-Position is the first object.
+    /// The timestamp of the first valid object, ms since HORUS's start. Reported-Position comes first.
     pub timestamp: Option<u32>,
     /// The number of valid objects of the profile.
     pub valid: usize,
-    /// The number of objects whose bytes were read and are vacant.
+    /// The number of vacant objects among those that were read.
     pub vacant: usize,
     /// The first damage, if any: its offset in the image, and its kind.
     pub damage: Option<(usize, Rejection)>,
@@ -43,7 +43,8 @@ pub struct Reading {
 }
 
 impl Reading {
-    /// Evaluates a transaction with the contents `view`. `previous` is the timestamp of the last forwarded profile.
+    /// Evaluates a transaction whose bytes have the contents `view`. `previous` is the timestamp of the last forwarded
+    /// profile.
     pub(super) fn of(selected_ns: u64, view: &View<'_>, layout: Layout, report: Report, previous: Option<u32>) -> Self {
         let mut reading = Self {
             selected_ns,
@@ -64,7 +65,7 @@ impl Reading {
         match view.link() {
             Some(Shown::Intact(link)) => reading.link = Some(link.values()),
             Some(Shown::Damaged(why)) => reading.damage = Some((image::LINK_STATUS, why)),
-            // An image always has a Link-Status, so a vacant one counts as damaged.
+            // Every image has a Link-Status, so a vacant one counts as damaged.
             Some(Shown::Vacant) => reading.damage = Some((image::LINK_STATUS, Rejection::Crc)),
             None => {}
         }

@@ -5,13 +5,14 @@ use profile::criticality::{BaseStation, FlightController, Writer, WritesUplink};
 use profile::ssi::REQUEST_SIZE;
 use profile::{Command, CommandObject, Uplink, UplinkValues};
 
-/// The number of control cycles between two uplinks, which are the base station's and the flight controller's in turn.
+/// The number of control cycles between two uplinks. The base station and the flight controller write in turn.
 const UPLINK_EVERY: u64 = 10;
 
 /// The number of control cycles from one command to the next: one second.
 const COMMAND_EVERY: u64 = 250;
 
-/// The index, within [`UPLINK_EVERY`] control cycles, of the cycle that writes nothing and reads the whole map.
+/// The index, within [`UPLINK_EVERY`] control cycles, of the cycle in which the whole map is read and nothing is
+/// written.
 const MAP_READ: u64 = 8;
 
 const MS: u64 = 1_000_000;
@@ -22,8 +23,8 @@ pub fn reads_map(cycle: u64) -> bool {
     cycle % UPLINK_EVERY == MAP_READ
 }
 
-/// The object to write in control cycle number `cycle`, which begins at `own_ns` by the flight controller's clock;
-/// `None` in most cycles. `hold` has the commands to a hold.
+/// Returns the object to write in control cycle number `cycle`; `None` in most cycles. The cycle begins at `own_ns` by
+/// the flight controller's clock. `hold` has the commands to a hold.
 #[must_use]
 pub fn written(cycle: u64, own_ns: u64, hold: Option<&mut HoldUser>) -> Option<[u8; Uplink::SIZE]> {
     let timestamp = u32::try_from(own_ns / MS % (1 << 32)).unwrap_or(u32::MAX);
@@ -51,8 +52,8 @@ pub fn put(object: &[u8; Uplink::SIZE], mosi: &mut Vec<u8>) {
     mosi[REQUEST_SIZE..end].copy_from_slice(object);
 }
 
-/// An uplink of the writer `W` whose payload changes with its timestamp, and begins with a command to the hold if there
-/// is one.
+/// Returns an uplink of the writer `W` whose payload changes with its timestamp. With a hold, the payload begins with a
+/// command.
 fn uplink<W: WritesUplink>(timestamp: u32, own_ns: u64, hold: Option<&mut HoldUser>) -> [u8; Uplink::SIZE] {
     let bytes = timestamp.to_le_bytes();
     let mut payload = std::array::from_fn(|place| bytes[place % bytes.len()] ^ place as u8);

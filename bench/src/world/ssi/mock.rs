@@ -7,8 +7,8 @@ use super::{Order, Progress, SsiMaster, SsiPort, Start, Transaction};
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Done {
     Select(u64),
-    /// Bytes were clocked: the instants (ns) of the last edges of the first and of the last byte, the bytes on MOSI,
-    /// and the SPI mode.
+    /// Bytes were clocked. The fields are the instants (ns) of the last edges of the first and of the last byte, the
+    /// bytes on MOSI, and the SPI mode.
     Bytes(u64, u64, Vec<u8>, SpiMode),
     Deselect(u64),
 }
@@ -17,7 +17,7 @@ pub(crate) enum Done {
 pub(crate) struct Pins {
     pub(crate) now: u64,
     pub(crate) done: Vec<Done>,
-    /// The bytes that each transaction reads on MISO; zeros follow.
+    /// The bytes that each transaction reads first on MISO; zeros follow.
     pub(crate) shown: Vec<u8>,
     pub(crate) quiet: usize,
     index: usize,

@@ -5,12 +5,12 @@
 //! select rises. The instants follow the flight controller's own [`Crystal`]. Every SSI transaction of the bench is
 //! carried out in this way, also those of misuses and tests.
 //!
-//! Up to 16 bytes are transferred together, when the last of them has been clocked. EasyDMA therefore accesses the
-//! DPR's memory up to 16 µs late. No event is late, because a group of bytes ends with the byte that raises an event
-//! ([`SsiPort::quiet`]).
+//! Up to 16 bytes are transferred to the DPR's model together, when the last of them has been clocked. EasyDMA
+//! therefore accesses the DPR's memory up to 16 µs late. No event is late, because a group of bytes ends with the byte
+//! that raises an event ([`SsiPort::quiet`]).
 //!
-//! An action takes effect on the DPR's pin at the first boundary of the DPR's instructions after its due instant. Later
-//! actions follow the due instants, while a [`Transaction`] has the instants at the pin.
+//! An action takes effect on the DPR's pin at the DPR's first instruction boundary after the action was due. Later
+//! actions follow the due instants, whereas a [`Transaction`] has the instants at the pin.
 
 use cortex_m4::Cost;
 use emulator_part::SpiMode;
@@ -23,7 +23,7 @@ use emulator_node::Node;
 /// The most bytes that are transferred to the DPR's model together.
 const RUN: usize = 16;
 
-/// The greatest number of bytes of a transaction that are kept; further bytes are only counted.
+/// The greatest number of bytes of a transaction that are kept. Further bytes are only counted.
 pub const KEPT: usize = 16_384;
 
 /// The actions of a flight controller on the pins of the DPR's SSI.
@@ -41,7 +41,7 @@ pub trait SsiPort {
     /// Makes chip select rise now.
     fn deselect(&mut self);
 
-    /// The number of bytes that can be clocked before the DPR's peripheral raises an event, or `usize::MAX`.
+    /// Returns how many bytes can be clocked before the DPR's peripheral raises an event; `usize::MAX` for any number.
     fn quiet(&self) -> usize;
 }
 
@@ -90,7 +90,7 @@ impl Crystal {
     pub const fn by_the_bench(self, own_ns: u64) -> u64 {
         const BILLION: u64 = 1_000_000_000;
         let rate = BILLION.checked_add_signed(self.ppb).expect("a crystal that swings");
-        // Whole multiples of `rate` are converted apart, so that the product fits 64 bits.
+        // Whole multiples of `rate` are converted separately, so that each product fits into 64 bits.
         own_ns / rate * BILLION + (own_ns % rate * BILLION + rate / 2) / rate
     }
 
@@ -103,17 +103,17 @@ impl Crystal {
     }
 }
 
-/// An instant that is given by two times: one in the bench's time, and one after it by the flight controller's clock.
+/// An instant given by two times: one in the bench's time, and a further time by the flight controller's clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Start {
-    /// The first time, in the bench's time, ns.
+    /// The instant in the bench's time to which [`Self::own_ns`] is added, ns.
     pub bench_ns: u64,
-    /// The time after `bench_ns`, by the flight controller's clock, ns.
+    /// The time by the flight controller's clock that is added to [`Self::bench_ns`], ns.
     pub own_ns: u64,
 }
 
 impl Start {
-    /// The instant in the bench's time, ns, that is later than this one by `own_ns` of `crystal`.
+    /// Returns the instant in the bench's time, ns, that is `own_ns` by `crystal` later than this one.
     #[must_use]
     pub const fn and(self, own_ns: u64, crystal: Crystal) -> u64 {
         self.bench_ns + crystal.by_the_bench(self.own_ns + own_ns)
@@ -152,24 +152,24 @@ impl Pace {
 /// The bytes on MOSI after those of `Order::mosi`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Filler {
-    /// This byte, repeated.
+    /// This byte is repeated.
     Byte(u8),
-    /// Noise.
+    /// The bytes are noise.
     Noise(Rng),
 }
 
 /// A transaction that an [`SsiMaster`] is to carry out.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Order {
-    /// Whether chip select falls. Otherwise the bytes are clocked while the DPR is not selected.
+    /// Whether chip select falls at the beginning. Otherwise the bytes are clocked while the DPR is not selected.
     pub selects: bool,
-    /// Whether chip select rises after the last byte. Otherwise it stays low until [`SsiMaster::cut`].
+    /// Whether chip select rises after the last byte. Otherwise it stays low until [`SsiMaster::cut`] is called.
     pub lets_go: bool,
-    /// The number of bytes that are clocked; [`Order::ENDLESS`] means until [`SsiMaster::cut`].
+    /// The number of bytes that are clocked. [`Order::ENDLESS`] clocks until [`SsiMaster::cut`] is called.
     pub bytes: usize,
     /// The first bytes on MOSI.
     pub mosi: Vec<u8>,
-    /// The bytes on MOSI after the first ones.
+    /// The bytes on MOSI after those of `mosi`.
     pub filler: Filler,
     /// Clock polarity and phase.
     pub mode: SpiMode,
@@ -178,7 +178,7 @@ pub struct Order {
 }
 
 impl Order {
-    /// The number of bytes of a transaction that ends only by [`SsiMaster::cut`].
+    /// The number of bytes that stands for a transaction without an end: only [`SsiMaster::cut`] ends it.
     pub const ENDLESS: usize = usize::MAX;
 
     /// Returns a transaction of `bytes` bytes without a request, as fast as docs/design.md#ssi allows.
@@ -195,7 +195,7 @@ impl Order {
         }
     }
 
-    /// Returns the byte at `index` on MOSI. Must be called once for each byte, in order.
+    /// Returns the byte at `index` on MOSI. It must be called once for each byte, in order.
     fn mosi(&mut self, index: usize) -> u8 {
         match (self.mosi.get(index), &mut self.filler) {
             (Some(byte), _) => *byte,
@@ -220,10 +220,10 @@ pub struct Transaction {
     pub miso: Vec<u8>,
 }
 
-/// Bytes that were transferred together without a gap.
+/// A group of bytes that were transferred together without a gap.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Run {
-    /// The instant of the first byte's last clock edge.
+    /// The instant of the first byte's last clock edge, ns.
     first: Start,
     crystal: Crystal,
     byte_ns: u64,
@@ -240,7 +240,8 @@ impl Run {
         self.first.and(index as u64 * self.byte_ns, self.crystal)
     }
 
-    /// The bytes in order, each as the instant of its last clock edge (ns), the byte on MOSI, and the byte on MISO.
+    /// Returns the bytes in order, each with the instant of its last clock edge (ns), the byte on MOSI, and the byte on
+    /// MISO.
     pub fn bytes(&self) -> impl Iterator<Item = (u64, u8, u8)> {
         let crossed = self.mosi.iter().zip(&self.miso).enumerate();
         crossed.map(|(index, (mosi, miso))| (self.edge(index), *mosi, *miso))
@@ -265,15 +266,15 @@ struct UnderWay {
     /// The instant at which chip select fell at the DPR's pin, ns; `None` if it has not fallen yet.
     selected_ns: Option<u64>,
     done: usize,
-    /// The number of bytes that are being clocked together.
+    /// The number of bytes in the group that is being clocked.
     run: usize,
-    /// The instant at which chip select rises in a transaction that was cut short, ns.
+    /// The instant, ns, at which chip select rises; set in a transaction that is cut short.
     released: Option<u64>,
     mosi: Vec<u8>,
     miso: Vec<u8>,
 }
 
-/// Carries out transactions on the SSI, one at a time. The [module](self) describes it.
+/// Carries out transactions on the SSI, one after the other. The [module](self) describes how.
 #[derive(Clone, Debug)]
 pub struct SsiMaster {
     crystal: Crystal,
@@ -288,7 +289,7 @@ impl SsiMaster {
         Self { crystal, under_way: None, free_ns: 0 }
     }
 
-    /// Whether no transaction is under way or waits to begin.
+    /// Whether no transaction is under way or is due to begin.
     #[must_use]
     pub const fn is_idle(&self) -> bool {
         self.under_way.is_none()
@@ -300,8 +301,8 @@ impl SsiMaster {
         self.under_way.as_ref().is_some_and(|it| it.run > 0)
     }
 
-    /// The instant from which chip select may fall after the present transaction and its gap, ns; `u64::MAX` if it has
-    /// no end.
+    /// The earliest instant at which chip select may fall again, ns: after the present transaction and its gap. It is
+    /// `u64::MAX` if the transaction has no end.
     #[must_use]
     pub fn free_at(&self) -> u64 {
         let Some(it) = &self.under_way else { return self.free_ns };
@@ -312,7 +313,7 @@ impl SsiMaster {
         }
     }
 
-    /// Starts a transaction that begins at `start`.
+    /// Orders a transaction that begins at `start`.
     ///
     /// # Panics
     ///
@@ -338,7 +339,8 @@ impl SsiMaster {
         }
     }
 
-    /// Carries out the due action. Clocks without chip select are not reported, because they belong to no transaction.
+    /// Carries out the due action, and returns its result. Clocks without chip select belong to no transaction and are
+    /// not returned.
     ///
     /// # Panics
     ///
@@ -378,7 +380,8 @@ impl SsiMaster {
         }))
     }
 
-    /// Ends the transaction at `at` (ns) after the present byte and the hold time, or drops it if it has not begun.
+    /// Ends the transaction after the byte that is under way at `at` (ns) and the hold time. A transaction that has not
+    /// begun is dropped.
     pub fn cut(&mut self, at: u64) {
         let Some(mut it) = self.under_way.take().filter(|it| it.selected_ns.is_some()) else { return };
         let end = it.done + it.run;
@@ -386,13 +389,13 @@ impl SsiMaster {
         it.run = bytes - it.done;
         it.order.bytes = bytes;
         let hold = self.crystal.by_the_bench(it.order.pace.hold_ns);
-        // A transaction without a clocked byte may still be in its set-up time.
+        // If no byte has been clocked, the transaction is still in its set-up time.
         let last = if bytes == 0 { at } else { self.clocked(&it, bytes).max(at) };
         it.released = Some(last + hold);
         self.under_way = Some(it);
     }
 
-    /// The instant of the last clock edge of byte number `bytes`, counted from 1, ns.
+    /// Returns the instant, ns, of the last clock edge of byte number `bytes`, counted from 1.
     fn clocked(&self, it: &UnderWay, bytes: usize) -> u64 {
         it.start.and(it.order.pace.setup_ns + bytes as u64 * it.order.pace.byte_ns, self.crystal)
     }
@@ -413,7 +416,7 @@ impl SsiMaster {
     }
 }
 
-/// Sets the number of bytes that are clocked together next.
+/// Plans how many bytes are clocked together next.
 fn planned(mut it: UnderWay, port: &impl SsiPort) -> UnderWay {
     it.run = (it.order.bytes - it.done).min(RUN).min(port.quiet().max(1));
     it

@@ -57,7 +57,7 @@ fn a_run_ends_with_the_byte_that_raises_an_event() {
 #[test]
 fn instants_go_by_the_crystal_from_the_start_on() {
     let crystal = Crystal { ppb: 50_000 };
-    // An error of 50 ppm is 200 µs in 4 s, less 10 ns of second order.
+    // In 4 s an error of 50 ppm adds up to 200 µs, less 10 ns of second order.
     assert_eq!(crystal.by_the_bench(4_000_000_000), 4_000_000_000 - 199_990);
     assert_eq!(Crystal { ppb: -50_000 }.by_the_bench(4_000_000_000), 4_000_000_000 + 200_010);
     let mut master = SsiMaster::new(crystal);
@@ -66,13 +66,13 @@ fn instants_go_by_the_crystal_from_the_start_on() {
     let long = Order { pace: Pace { byte_ns: 20_000_000, ..Pace::FASTEST }, ..Order::read(2) };
     let mut pins = Pins::showing(&[]);
     let over = pins.carry(&mut SsiMaster::new(crystal), at(0), long);
-    // An error of 50 ppm is 2 µs in 40.003 ms.
+    // In 40.003 ms an error of 50 ppm adds up to 2 µs.
     assert_eq!(over.deselected_ns, 40_003_000 - 2_000);
 }
 
 #[test]
 fn each_byte_of_a_run_has_its_last_edge() {
-    // The clock is fast by 2.5 %, and the actions are due at 2, 3, 4 and 5 µs by that clock.
+    // The clock is 2.5 % fast. The actions are due at 2, 3, 4 and 5 µs by this clock.
     let mut master = SsiMaster::new(Crystal { ppb: 25_000_000 });
     let mut pins = Pins::showing(&[5, 6, 7, 8]);
     master.begin(at(100), Order { mosi: vec![1, 2, 3, 4], ..Order::read(4) });
@@ -106,7 +106,7 @@ fn a_transaction_that_does_not_let_go_ends_when_it_is_cut() {
 
 #[test]
 fn a_transaction_that_is_cut_clocks_its_current_byte_to_the_end() {
-    // At 50 µs exactly 49 bytes of 1 µs each are done, and at 50.5 µs the 50th is under way.
+    // The bytes take 1 µs each. At 50 µs 49 of them are done, and at 50.5 µs the 50th is under way.
     for (cut, bytes, rises) in [(50_500, 50, 53_000), (50_000, 49, 52_000), (1_000, 0, 3_000), (400, 0, 2_400)] {
         let mut master = SsiMaster::new(STANDARD);
         let mut pins = Pins::showing(&[]);

@@ -9,7 +9,7 @@ use super::AirFaults;
 pub struct Counters {
     /// Frames that the poller began to send.
     pub sent: u64,
-    /// Frames that reached the listener whole and unchanged, at whatever time.
+    /// Frames that reached the listener whole and unchanged, even if late.
     pub delivered: u64,
     /// Frames that reached the listener changed or cut short, by the air or by the poller.
     pub damaged: u64,
@@ -21,7 +21,7 @@ pub struct Counters {
     pub bursts: u64,
     /// Frames that [`AirFaults::truncated`] cut.
     pub cut: u64,
-    /// Repeated frames ([`AirFaults::repeated`]) that reached the listener, which no other counter includes.
+    /// Repeated frames ([`AirFaults::repeated`]) that reached the listener. No other counter includes them.
     pub repeated: u64,
     /// Frames that [`AirFaults::delayed`] delayed.
     pub delayed: u64,
@@ -29,7 +29,7 @@ pub struct Counters {
     pub scattered: u64,
     /// Frames that [`AirFaults::frozen`] replaced by an earlier one.
     pub frozen: u64,
-    /// The number of times that a frame began during another frame, so that neither arrived whole.
+    /// The number of times that a frame began during another frame. Neither of the two arrives whole.
     pub collisions: u64,
     /// The number of times that [`AirFaults::field_off`] switched the field off.
     pub field_off: u64,
@@ -61,7 +61,7 @@ pub struct SentFrame {
     pub bits_per_second: u32,
     /// The frame's bytes, in NFC-F LEN, payload and CRC-16, as far as they were sent completely.
     pub bytes: Vec<u8>,
-    /// Whether the frame was sent whole. False if the poller broke it off before the number of bytes in its LEN.
+    /// Whether the frame was sent whole. It is false if the poller sent fewer bytes than LEN announces.
     pub whole: bool,
 }
 
@@ -143,7 +143,7 @@ impl Account {
         let count = match fault {
             Fault::BitError => &mut counters.bit_errors,
             Fault::Burst => &mut counters.bursts,
-            // Lost frames are counted when they end, whatever the reason of the loss.
+            // A lost frame is counted when it ends, whatever the reason of its loss.
             Fault::Lost => return,
             Fault::Cut => &mut counters.cut,
             Fault::Repeated => &mut counters.repeated,

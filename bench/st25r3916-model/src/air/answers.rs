@@ -16,9 +16,9 @@
 //!
 //! # A foreign card
 //!
-//! A foreign card answers a frame of the poller with random bytes in a whole frame of NFC-F, with correct LEN and
-//! CRC-16. If card and listener answer at the same time, the earlier answer breaks off when the later one begins, and
-//! the sync of the later one is masked.
+//! A foreign card answers a frame of the poller with random bytes: a whole frame of NFC-F with correct LEN and CRC-16.
+//! If card and listener answer at the same time, both answers are lost: the earlier one breaks off when the later one
+//! begins, and masks the sync of the later one.
 
 use super::faults::within;
 use super::{Air, AirFaults, Counters, Heard, SentFrame};
@@ -42,7 +42,7 @@ pub struct ForeignCard {
 /// The faults of a link's answers. The default has no faults.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AnswerFaults {
-    /// The faults of all answers, also of a foreign card's. [`AirFaults::field_off`] suppresses them all.
+    /// The faults of all answers, including those of a foreign card. [`AirFaults::field_off`] suppresses all answers.
     pub way: AirFaults,
     /// A foreign card in the poller's field.
     pub foreign: ForeignCard,
@@ -55,15 +55,16 @@ pub struct AnswerPath {
     foreign: ForeignCard,
     rng: SplitMix,
     due: Option<u64>,
-    /// The end of the foreign card's present answer, ns, and its number of data bits.
+    /// The end of the foreign card's present answer, ns, and the answer's number of data bits.
     foreign_ends: Option<(u64, u32)>,
-    /// Whether the listener's answer is on the air (`true`) or was lost in a collision; `None` without an answer.
+    /// Whether the listener's present answer is on the air (`true`) or was lost in a collision; `None` without an
+    /// answer.
     answering: Option<bool>,
     collisions: u64,
     foreign_answers: u64,
 }
 
-/// Returns a function that passes frames, but not the carrier, to `hears`. The poller makes the carrier itself.
+/// Returns a function that passes frames to `hears`, but not the carrier, which the poller itself makes.
 fn frames(hears: &mut impl FnMut(u64, &AirEvent)) -> impl FnMut(u64, &AirEvent) {
     |at, event| {
         if !matches!(event, AirEvent::FieldOn | AirEvent::FieldOff) {
@@ -175,7 +176,7 @@ impl AnswerPath {
         }
     }
 
-    /// Returns the counters of the answers so far, without those that collided before their first bit.
+    /// Returns the counters of the answers so far. An answer that collided before its first bit is not counted.
     pub fn counters(&self) -> Counters {
         self.air.counters()
     }
@@ -214,7 +215,7 @@ impl AnswerPath {
 
     fn foreign_begins(&mut self, at: u64, hears: &mut impl FnMut(u64, &AirEvent)) {
         if self.foreign_ends.is_some() {
-            // The foreign card still answers an earlier frame.
+            // The foreign card's answer to an earlier frame is still on the air.
             return;
         }
         self.foreign_answers += 1;

@@ -23,8 +23,9 @@ pub struct AirFaults {
     pub truncated: f64,
     /// Probability that a burst of errors hits a frame, anywhere from LEN to the end of the CRC-16.
     pub burst: f64,
-    /// The length of the longest burst of errors, bits, at least 2. A burst has a random length from 2 to this value.
-    /// Its first and last bits are inverted, and each bit between them with probability one half.
+    /// The length of the longest burst of errors, bits, at least 2. The length of a burst is random, from 2 to this
+    /// value. The first and the last bit of the burst are inverted, and each bit between them with probability one
+    /// half.
     pub burst_bits: u32,
     /// Probability that a frame that was received whole is received again.
     pub repeated: f64,
@@ -34,11 +35,13 @@ pub struct AirFaults {
     pub delayed: f64,
     /// The shortest and longest delay of a delayed frame, ns.
     pub delay_ns: (u64, u64),
-    /// Whether each frame is received with the bytes of the last whole frame of its length before the fault.
+    /// Whether a fault freezes the data: each frame is received with the bytes of the last whole frame of its length
+    /// before the fault.
     pub frozen: bool,
     /// Whether the field is off at the listener, which then receives neither frame nor carrier.
     pub field_off: bool,
-    /// The longest random delay of a frame's start, ns, except by [`AirFaults::delayed`]. It can make frames collide.
+    /// The longest random delay of a frame's start, ns, without the delay of [`AirFaults::delayed`]. It can make frames
+    /// collide.
     pub scatter_ns: u64,
 }
 
@@ -54,7 +57,8 @@ pub(super) fn sync_errors(rng: &mut SplitMix, faults: &AirFaults, frame: &FrameS
     (0..SYNC_BITS).map(|_| u64::from(rng.hit(faults.bit_error))).sum()
 }
 
-/// Returns the positions, in the order of the air, of those of the frame's `bits` data bits that a burst inverts.
+/// Returns the positions, in the order of the air, of the data bits that a burst inverts in a frame of `bits` data
+/// bits.
 pub(super) fn burst(rng: &mut SplitMix, faults: &AirFaults, bits: u64) -> Vec<u64> {
     if bits < u64::from(SHORTEST_BURST) || !rng.hit(faults.burst) {
         return vec![];

@@ -10,7 +10,7 @@ const NFC_A_TRAILER_BITS: u32 = 2;
 /// The number of CRC bytes, which LEN of an NFC-F frame does not count.
 const CRC_BYTES: usize = 2;
 
-/// Returns the number of bytes of an NFC-F frame with the CRC, whose LEN is `first`; `None` for NFC-A.
+/// Returns the number of bytes, with the CRC, of an NFC-F frame whose LEN is `first`; `None` for NFC-A.
 fn announced(technology: Technology, first: Option<&u8>) -> Option<usize> {
     match technology {
         Technology::NfcF => first.map(|&len| usize::from(len.max(1)) + CRC_BYTES),
@@ -18,7 +18,7 @@ fn announced(technology: Technology, first: Option<&u8>) -> Option<usize> {
     }
 }
 
-/// Returns the number of data bits that a frame should have, as known at its start.
+/// Returns the number of data bits that the whole frame should have, as far as is known at its start.
 pub(super) fn expected_bits(start: &FrameStart) -> u64 {
     let data = &start.chunk.data;
     8 * announced(start.technology, data.first()).unwrap_or(data.len()) as u64
@@ -77,18 +77,20 @@ pub(super) enum Later {
     End { bits: u32, whole: bool },
 }
 
-/// A frame on its way to the listener. Later events count from its first bit, which may be delayed.
+/// A frame on its way to the listener. The instants of its events count from its first bit, which may be delayed.
 #[derive(Clone, Debug)]
 pub(super) struct Flight {
     pub(super) id: u64,
     pub(super) origin: Origin,
     pub(super) faults: AirFaults,
-    /// The instant at which the frame's first bit reaches the listener, ns; `None` while another frame is in the way.
+    /// The instant at which the frame's first bit reaches the listener, ns; `None` while the frame waits for another
+    /// one.
     pub(super) due: Option<u64>,
-    /// The frame as the listener receives it, with the bytes that are known so far.
+    /// The frame as the listener receives it. It has the bytes that are known so far.
     pub(super) start: FrameStart,
     pub(super) burst: Vec<u64>,
-    /// The frame's events after its start, each with the time from its first bit, ns; those after its end are ignored.
+    /// The frame's events after its start, each with the time from its first bit, ns. Events after the frame's end are
+    /// ignored.
     pub(super) later: VecDeque<(u64, Later)>,
     /// Whether the frame carries the bytes of an earlier frame, so that the poller's further bytes are ignored.
     pub(super) frozen: bool,
@@ -113,7 +115,7 @@ impl Flight {
         }
     }
 
-    /// Returns a repetition of this frame as it was received; it begins at `due` and takes `took` ns.
+    /// Returns a repetition of this frame as it was received. The repetition begins at `due` and takes `took` ns.
     pub(super) fn again(self, id: u64, due: u64, took: u64, bits: u32) -> Self {
         let later = VecDeque::from([(took, Later::End { bits, whole: true })]);
         let (origin, burst, marks) = (Origin::Repeated, vec![], VecDeque::new());
@@ -136,7 +138,7 @@ impl Flight {
         self.later.push_back((end, Later::End { bits, whole: false }));
     }
 
-    /// Returns the received frame, which lasted from `began` to `ended_ns` and has `bits` data bits.
+    /// Returns the frame as it was received, from `began` to `ended_ns`, with `bits` data bits.
     pub(super) fn heard(&self, began: u64, ended_ns: u64, bits: u32, whole: bool) -> Heard {
         let mut bytes = self.start.chunk.data.clone();
         if !whole {

@@ -19,8 +19,8 @@
 //!
 //! - A repeated or delayed frame never begins during another frame. It waits until 0.3 ms after the end of that frame.
 //! - The poller's own frame does not wait. If it begins during another frame, that frame breaks off, and the poller's
-//!   frame is not received, because its sync is masked. Two frames of the poller that [`AirFaults::scatter_ns`] moves
-//!   onto each other do the same.
+//!   frame is not received because its sync is masked. The same happens to two frames of the poller if
+//!   [`AirFaults::scatter_ns`] makes them overlap.
 //! - A frame without the poller's carrier is lost. If the carrier goes off during a frame, the frame breaks off.
 //!
 //! # Time
@@ -45,7 +45,7 @@ use account::{Account, Fault, Outcome};
 use faults::{burst, invert, sync_errors, within};
 use flight::{Flight, Later, Sending, expected_bits};
 
-/// The shortest gap between two frames of the link, ns, which a frame that waits for the end of another one keeps.
+/// The shortest gap, ns, between two frames of the link. A frame that waits for another one keeps this gap.
 const GAP_NS: u64 = 300_000;
 
 /// The air between one poller and one listener.
@@ -58,7 +58,7 @@ pub struct Air {
     on_air: Option<(u64, Flight)>,
     /// The frames that have not begun at the listener's antenna, in the order in which the air received them.
     waiting: Vec<Flight>,
-    /// The last frame of each LEN that the poller sent whole while [`AirFaults::frozen`] was off.
+    /// For each LEN, the last frame that the poller sent whole while [`AirFaults::frozen`] was off.
     whole: Vec<Vec<u8>>,
     next_id: u64,
     account: Account,
@@ -99,7 +99,8 @@ impl Air {
     }
 
     /// Passes the emissions of each chip to the other until neither emits more, and advances the air to the poller's
-    /// time. Must be called when [`has_air`](Chip::has_air) is true for either chip, and at [`Air::next_event`].
+    /// time. The caller must do this when [`has_air`](Chip::has_air) is true for either chip, and at
+    /// [`Air::next_event`].
     pub fn carry(&mut self, poller: &mut Chip, listener: &mut Chip) {
         loop {
             for (at, event) in poller.take_air() {
@@ -116,7 +117,8 @@ impl Air {
         }
     }
 
-    /// Takes an event that the poller emitted at `at` (virtual ns), without [`Air::carry`]. `hears` is the listener.
+    /// Takes an event that the poller emitted at `at` (virtual ns), for callers that do not use [`Air::carry`]. `hears`
+    /// is the listener.
     pub fn from_poller(&mut self, at: u64, event: AirEvent, mut hears: impl FnMut(u64, &AirEvent)) {
         match event {
             AirEvent::FieldOn | AirEvent::FieldOff => {
@@ -135,14 +137,16 @@ impl Air {
                 self.sending_breaks_off(at, &mut hears);
                 self.frame_started(at, frame);
             }
-            // The events that are due at `at` depend on the frame's end, so the air advances only afterwards.
+            // The air advances only after it has recorded the end of the frame, on which the events that are due at
+            // `at` depend.
             AirEvent::Bytes(chunk) => self.frame_goes_on(at, chunk),
             AirEvent::FrameEnd { bits } => self.frame_ended(at, bits),
         }
         self.advance(at, &mut hears);
     }
 
-    /// Counts an event that the listener emitted, without [`Air::carry`]. The caller must pass it to the poller.
+    /// Counts an event that the listener emitted, for callers that do not use [`Air::carry`]. The caller must pass the
+    /// event to the poller.
     pub fn from_listener(&mut self, _at: u64, event: &AirEvent) {
         if matches!(event, AirEvent::FrameStart(_)) {
             self.account.counters.answers += 1;
@@ -162,7 +166,7 @@ impl Air {
             let ends = self.on_air.as_ref().and_then(|(began, flight)| flight.next(*began));
             let begins = (0..self.waiting.len()).filter_map(|i| Some((self.waiting[i].due?, i))).min();
             match (ends, begins) {
-                // Two frames do not collide if one ends at the instant at which the other begins.
+                // If one frame ends at the instant at which another begins, the two do not collide.
                 (Some(at), _) if at <= to && begins.is_none_or(|(due, _)| at <= due) => self.goes_on(&mut hears),
                 (_, Some((due, index))) if due <= to => self.begins(due, index, &mut hears),
                 _ => break,
@@ -195,8 +199,8 @@ impl Air {
     /// and kind. The kinds are "bit error" (one entry per bit), "burst", "lost", "cut", "repeated", "delayed",
     /// "scatter", "field off" and "frozen".
     ///
-    /// A bit error or a burst has the instant at which its first wrong bit reaches the listener, a cut that of the
-    /// frame's end there, a repetition that of its first bit. All other faults of a frame, and an error in the sync,
+    /// A bit error or a burst has the instant at which its first wrong bit reaches the listener. A cut has the instant
+    /// of the frame's end there, and a repetition that of its first bit. All other faults, and an error in the sync,
     /// have the instant at which the poller sent the frame's first bit.
     pub fn take_injected(&mut self) -> Vec<(u64, &'static str)> {
         std::mem::take(&mut self.account.injected)
@@ -273,7 +277,7 @@ impl Air {
         self.account.sent.push(sent);
     }
 
-    /// Ends the poller's present frame at `at`, because its next frame begins or its carrier goes off.
+    /// Ends the present frame of the poller at `at`. The poller has begun its next frame, or its carrier goes off.
     fn sending_breaks_off(&mut self, at: u64, hears: &mut impl FnMut(u64, &AirEvent)) {
         if let Some(sending) = &self.sending {
             let bits = sending.bits_by(at);
@@ -378,7 +382,7 @@ fn damage(rng: &mut SplitMix, flight: &mut Flight, first: usize, chunk: &mut Chu
     flight.changed |= *chunk != before;
 }
 
-/// Returns the poller's frame number `id`, unless it has ended at the listener.
+/// Returns the poller's frame number `id`; `None` if it has ended at the listener.
 fn flight_of<'a>(on_air: &'a mut Option<(u64, Flight)>, waiting: &'a mut [Flight], id: u64) -> Option<&'a mut Flight> {
     let on_air = on_air.iter_mut().map(|(_, flight)| flight);
     on_air.chain(waiting).find(|flight| flight.id == id)

@@ -104,7 +104,7 @@ impl Chip {
         self.spi.state = State::Mode;
     }
 
-    /// Returns each rise of chip select after a transmit command (C4 to C7) since the last call, virtual ns. This edge
+    /// Returns each rise of chip select, virtual ns, that ended a transmit command (C4 to C7) since the last call. It
     /// is the last instant of a transmission that the controller determines.
     pub fn take_transmits(&mut self) -> Vec<u64> {
         std::mem::take(&mut self.transmits)

@@ -36,7 +36,7 @@ pub use controller::{SpiFrame, SpiMode};
 
 /// One ST25R3916 or ST25R3916B in virtual time.
 ///
-/// All times are virtual ns. An instant before the latest one is treated as the latest one.
+/// All times are virtual ns. The chip treats an instant before its present time as its present time.
 #[derive(Clone, Debug)]
 pub struct Chip {
     core: Core,
@@ -45,12 +45,14 @@ pub struct Chip {
     transmitter: Transmitter,
     receiver: Receiver,
     spi: Spi,
-    /// Events of the air that are still to take effect: the instant of the effect, the instant of the event, the event.
+    /// Events of the air that have yet to take effect: the instant of the effect, the instant of the event, and the
+    /// event.
     inbox: VecDeque<(u64, u64, AirEvent)>,
-    /// The register that the command in progress will set, and its new value.
+    /// The register that the measurement under way will set when it ends, and the register's new value.
     measuring: Option<(Space, u8, u8)>,
     transmits: Vec<u64>,
-    /// The last bits on MOSI and on MISO. In a wrong SPI mode, chip or controller samples the previous bit.
+    /// The last bit on MOSI, and the last on MISO. In a wrong SPI mode, chip or controller samples this bit in place of
+    /// the next.
     last_bits: (bool, bool),
 }
 
@@ -92,7 +94,7 @@ impl Chip {
         }
     }
 
-    /// Switches the supply off: the field goes off, a frame breaks off, IRQ and MISO go low, registers are lost.
+    /// Switches the supply off: the field goes off, a frame breaks off, IRQ and MISO go low, and registers are lost.
     pub fn power_off(&mut self, now: u64) {
         self.advance(now);
         if self.core.powered() {
@@ -141,7 +143,7 @@ impl Chip {
     }
 
     /// Passes an event on the air at `at` (virtual ns) to the chip. A future event takes effect at its instant. A past
-    /// event takes effect now, but the bits of a frame keep their times.
+    /// event takes effect now, but the instants of its frame's bits stay as they are.
     pub fn hear(&mut self, at: u64, event: &AirEvent) {
         let effect = at.max(self.core.now());
         let place = self.inbox.partition_point(|(t, _, _)| *t <= effect);
@@ -187,7 +189,7 @@ impl Chip {
         self.core.take_reports()
     }
 
-    /// Keeps `interrupts`, and no others, from being raised from now on. Pending interrupts stay pending.
+    /// Prevents these interrupts, and no others, from now on. Pending interrupts stay pending.
     pub fn withhold(&mut self, interrupts: Withheld) {
         self.core.withhold(interrupts.bits());
     }
@@ -324,7 +326,7 @@ impl Chip {
         self.field.look(&mut self.core);
     }
 
-    /// Sends a frame. A frame that is received or arrives meanwhile is lost, because the chip is half duplex.
+    /// Sends a frame. The chip is half duplex, so a frame that is being received, or that arrives meanwhile, is lost.
     fn send(&mut self, mut frame: Outgoing) {
         if self.transmitter.admits(&mut self.core, &self.field, &mut frame) {
             self.let_go();
@@ -344,7 +346,7 @@ impl Chip {
         self.receiver.abort(&mut self.core, &mut self.fifo);
     }
 
-    /// Removes the bytes from the FIFO that have left for the air, and adds those that were received.
+    /// Removes the bytes from the FIFO that have left for the air. Adds those that were received.
     fn settle(&mut self) {
         self.transmitter.settle(&self.core, &mut self.fifo);
         self.receiver.settle(&mut self.core, &mut self.fifo);

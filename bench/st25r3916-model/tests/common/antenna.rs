@@ -1,4 +1,5 @@
-//! A poller without a chip, given by instants and bytes, and an antenna of a listener that records every event.
+//! A poller without a chip, which emits given bytes at given instants, and a listener's antenna that records every
+//! event.
 
 use st25r3916_model::{Air, AirEvent, AirFaults, Chunk, FrameStart, Heard, Technology};
 

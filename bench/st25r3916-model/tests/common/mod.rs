@@ -73,7 +73,7 @@ impl Pair {
         miso
     }
 
-    /// Runs until this side's IRQ pin is high; returns false if the pin is still low after `ns`.
+    /// Runs until this side's IRQ pin is high. Returns false if it is still low after `ns`.
     pub(crate) fn wait_irq(&mut self, side: Side, ns: u64) -> bool {
         let end = self.now + ns;
         while !self.chip(side).irq() {
@@ -96,7 +96,7 @@ impl Pair {
 
     pub(crate) fn start(&mut self, side: Side) {
         self.spi(side, &[0xC1]);
-        // These registers are set for a board with a 5 V supply and antenna tuning.
+        // The registers are set for a board with a 5 V supply and an antenna that needs tuning.
         self.spi(side, &[0x00, 0x07, 0x3C]);
         self.spi(side, &[0x02, 0x80]);
         assert!(self.wait_irq(side, 10_000_000), "oscillator");
@@ -175,7 +175,8 @@ impl Pair {
         pair
     }
 
-    /// Clears the poller's FIFO (DB), sets the length and loads the payload, but does not give the transmit command.
+    /// Clears the poller's FIFO (DB), sets the frame's length, and loads the payload. The caller gives the transmit
+    /// command.
     pub(crate) fn load(&mut self, payload: &[u8]) {
         self.spi(Side::Poller, &[0xDB]);
         let bits = (payload.len() as u16) << 3;
@@ -233,13 +234,13 @@ pub(crate) fn nfc_a_poller(config: Config) -> Pair {
     pair.start(Side::Poller);
     pair.receive_nfc_a(Side::Poller);
     pair.spi(Side::Poller, &[0x03, 0x08, 0x00]);
-    // The CRC is not checked (no_crc_rx), because the answers in these tests have none.
+    // no_crc_rx switches the check of the CRC off, because the answers in these tests have no CRC.
     pair.spi(Side::Poller, &[0x0A, 0x80]);
     pair.spi(Side::Poller, &[0x02, 0xC8]);
     pair
 }
 
-/// Passes the events of a whole NFC-A answer with the bytes `data` to the poller's chip in advance.
+/// Passes the events of a whole NFC-A answer with the bytes `data` to the poller's chip before the answer begins.
 pub(crate) fn nfc_a_answer_begins(pair: &mut Pair, data: &[u8]) {
     let now = pair.now;
     pair.poller.hear(

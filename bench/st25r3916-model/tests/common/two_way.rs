@@ -11,7 +11,7 @@ use super::{BYTE_NS, Side};
 /// The processor's time from an interrupt to the next transfer, ns.
 const CODE_NS: u64 = 5_000;
 
-/// The purpose of a transfer, which determines where the bytes on MISO go.
+/// The purpose of a transfer, which determines what happens to the bytes on MISO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Purpose {
     Short,
@@ -142,7 +142,7 @@ impl<M: Machine<Event = E>, E: Copy> Node<M, E> {
         port.next_ns.unwrap_or(u64::MAX).min(fire).min(timer)
     }
 
-    /// Advances the driver to `now` and returns its next event, if any.
+    /// Advances the driver to `now`, and returns its next event, if any.
     fn advance(&mut self, now: u64, chip: &mut Chip) -> Option<E> {
         let irq = chip.irq();
         let port = self.executor.port();
@@ -175,7 +175,7 @@ pub(crate) struct World {
     pub(crate) hold: Node<Exchange, ExchangeEvent>,
     pub(crate) port: Node<Answerer, AnswererEvent>,
     pub(crate) now: u64,
-    /// The time from the end of a frame (I_rxe) to the command that sends the answer, ns.
+    /// The time from the end of a frame (I_rxe) until the DPR gives the command that sends its answer, ns.
     pub(crate) answers_after_ns: u64,
     pub(crate) answer: Vec<u8>,
     /// The payloads that the DPR received.
@@ -313,7 +313,8 @@ impl World {
         }
     }
 
-    /// Runs one cycle of 100 ms. Returns the end of its exchange, and the time from the transmit command to it, ns.
+    /// Runs one cycle of 100 ms. Returns the event that ended its exchange, and the time until then from the transmit
+    /// command, ns.
     pub(crate) fn cycle(&mut self, payload: &[u8]) -> Option<(ExchangeEvent, u64)> {
         let start = self.now;
         self.begin(payload);

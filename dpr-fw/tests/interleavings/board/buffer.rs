@@ -1,4 +1,4 @@
-//! The buffers of the model: the processor sees a store at once, DMA sees it when it reaches the RAM.
+//! The buffers of the model. The processor sees a store at once, and DMA sees it when it reaches the RAM.
 
 use std::{
     borrow::{Borrow, BorrowMut},
@@ -10,7 +10,7 @@ use dpr_fw::{triple::Memory, ImageMemory, IMAGE_WORDS};
 use super::{At, Board, Task};
 use crate::{explorer::holds, Mutation};
 
-/// A buffer: its number in RAM, and the words that the processor sees there.
+/// A buffer, with its number in RAM and the words that the processor sees in it.
 pub(crate) struct Buffer {
     place: usize,
     words: ImageMemory,
@@ -19,7 +19,7 @@ pub(crate) struct Buffer {
 
 impl Buffer {
     pub(super) fn new(place: usize, at: At) -> Self {
-        // RAM begins with a value that no generation has.
+        // The words begin with a value that is no generation.
         Self { place, words: [0xEE; IMAGE_WORDS], at }
     }
 

@@ -39,11 +39,12 @@ pub(crate) enum Task {
     Ssi = 5,
 }
 
-/// The priority ceilings of the two locks: the highest priority among the tasks that share the resource.
+/// The priority ceilings of the locks on the mailbox and on the rotation. A ceiling is the highest priority among the
+/// tasks that share the resource.
 const ROTATION_CEILING: u8 = Task::Receive as u8;
 const MAILBOX_CEILING: u8 = Task::Ssi as u8;
 
-/// These are the pieces of state that a task may hold, as indices into the digests of them.
+/// The indices of the digests of five pieces of state, each of which a task may hold.
 const MAILBOX: usize = 0;
 const ROTATION: usize = 1;
 const SSI: usize = 2;
@@ -55,7 +56,7 @@ const FILLING: usize = 4;
 struct Frame {
     task: Task,
     seen: u64,
-    /// Whether the task has scrubbed a buffer since its last lock.
+    /// Whether the task has scrubbed a buffer since it last held a lock.
     scrubbed: bool,
 }
 
@@ -72,7 +73,7 @@ struct Board {
     bounds: Bounds,
     hw: RefCell<Hardware>,
     called: Cell<Called>,
-    /// The priority that BASEPRI masks.
+    /// The priority up to which BASEPRI masks interrupts.
     mask: Cell<u8>,
     frames: RefCell<Vec<Frame>>,
     rotation: RefCell<Option<Rotation<Buffer, u8>>>,
@@ -81,16 +82,16 @@ struct Board {
     receiving: RefCell<Option<Filling<Buffer>>>,
     filling: RefCell<Option<Filling<Buffer>>>,
     telemetry: Telemetry,
-    /// The digests of the five states above, which cannot be read while a task holds them.
+    /// The digests of the five pieces of state, kept here because a state cannot be read while a task holds it.
     digests: Cell<[u64; 5]>,
     /// The frames that were handed on to the commit task and not read yet.
     handed: RefCell<Vec<u8>>,
     generation: Cell<u8>,
-    /// A frame that is to be read later than its turn ([`Mutation::RotationOrder`]).
+    /// A frame that will be read later than its turn ([`Mutation::RotationOrder`]).
     put_by: RefCell<Option<Received<Buffer, u8>>>,
 }
 
-/// The board for one run. Buffers and board refer to each other, so they are taken apart when the run ends.
+/// The board for one run of the search. Its buffers refer to the board, so they are taken out when the run ends.
 pub(crate) struct OneRun(At);
 
 impl Drop for OneRun {
@@ -110,7 +111,7 @@ impl OneRun {
         Self(At::new(explorer, bounds))
     }
 
-    /// Runs the board until no event is left.
+    /// Runs the model of the board until no event is left that could happen.
     pub(crate) fn run(&self) {
         self.0.run();
     }
@@ -290,7 +291,7 @@ impl At {
         self.0.mask.get().max(running as u8)
     }
 
-    /// Runs each called task whose priority is above that of the code that runs.
+    /// Runs each called task whose priority is above that of the running code.
     fn interrupts(&self) {
         loop {
             let level = self.level();
@@ -304,8 +305,9 @@ impl At {
                 self.call(|called| called.ssi = false);
                 self.enter(Task::Ssi, Self::ssi_end);
             } else if pause_over && level < Task::Ssi as u8 {
-                // The task `ssi_pause` has the same priority as `ssi_end` and comes after it in the table of vectors.
-                // Its two accesses are one step, since an event between them has the same effect as before the first.
+                // The task `ssi_pause` has the priority of `ssi_end`, and comes after it in the table of vectors. Both
+                // accesses of `ssi_pause` make one step, because an event between them has the same effect as before
+                // the first.
                 self.0.explorer.note("ssi_pause: END and ACQUIRED are not masked");
                 let mut hw = self.0.hw.borrow_mut();
                 (hw.pause_over, hw.masked) = (false, false);

@@ -39,7 +39,7 @@ impl At {
 impl Doorbell for At {
     fn request(&mut self) -> bool {
         let Board { hw, bounds, .. } = &*self.0;
-        // The image is in the mailbox now, and so counts as published.
+        // The image is in the mailbox at this point, and so counts as published.
         let generation = self.0.generation.get();
         hw.borrow_mut().published = generation;
         if bounds.mutation == Mutation::FreshBeforeTaken {
@@ -68,7 +68,7 @@ pub(crate) struct SsiModel {
     at: At,
     image: Option<Received<Buffer, ()>>,
     received: [u8; 8],
-    /// Whether FRESH is to rise after the release, which is wrong ([`Mutation::FreshAfterRelease`]).
+    /// Whether FRESH is to rise after the release. Correct code never does this ([`Mutation::FreshAfterRelease`]).
     fresh: bool,
     newer: bool,
 }
@@ -131,14 +131,15 @@ impl Ssi for SsiModel {
         }
         at.see((amount, self.received));
         if bounds.mutation == Mutation::None {
-            // These bytes are written again before they are read. Clearing them saves the search a state.
+            // Both registers are written again before they are read. Clearing them makes more states of the search
+            // equal.
             hw.borrow_mut().rxd = [0; 8];
             hw.borrow_mut().amount = 0;
         }
         Events { ours, received: Some(&self.received[..amount]), over_read: false, overflow: false }
     }
 
-    /// All received bytes stay in one area here. Another test covers the way of an area to the port task.
+    /// The model has a single receive area. Another test covers the way of an area to the port task.
     fn hand_over(&mut self, _: Asked) -> HandedOver {
         HandedOver::Empty
     }

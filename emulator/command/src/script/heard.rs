@@ -1,4 +1,4 @@
-//! What a firmware has done that no line of the script has asked for yet.
+//! Keeps what a firmware has done until a line of the script expects it.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -11,9 +11,9 @@ use crate::output::milliseconds;
 #[derive(Default)]
 struct Sent {
     bytes: Vec<u8>,
-    /// The instant of each byte, ns.
+    /// The instant of each byte that the firmware sent, ns.
     at: Vec<u64>,
-    /// How many bytes the search for the present line's text has been through.
+    /// The number of bytes that were already searched for the text of the present line.
     searched: usize,
 }
 
@@ -21,12 +21,12 @@ struct Sent {
 pub(super) struct Heard {
     lines: VecDeque<(u64, String)>,
     sent: BTreeMap<Pin, Sent>,
-    /// The level of each watched pin, and its edges: the instant (ns) and the level from then on.
+    /// For each watched pin its level, and its edges: each with the instant (ns), and the level from then on.
     pins: BTreeMap<Pin, (bool, VecDeque<(u64, bool)>)>,
     restarts: VecDeque<u64>,
 }
 
-/// How much of what came instead a message shows.
+/// The greatest number of unexpected bytes that a message shows.
 const SHOWN_BYTES: usize = 80;
 const SHOWN_LINES: usize = 3;
 
@@ -36,7 +36,7 @@ impl Heard {
         self.pins.entry(pin).or_insert_with(|| (run.node().pin(pin), VecDeque::new()));
     }
 
-    /// Begins a line, which may look for another text.
+    /// Begins a line of the script, which may look for another text.
     pub(super) fn begin_line(&mut self) {
         self.sent.values_mut().for_each(|sent| sent.searched = 0);
     }
@@ -65,7 +65,8 @@ impl Heard {
         }
     }
 
-    /// The instant (ns) at which the firmware did this. What came up to then from the same source is looked at no more.
+    /// Returns the instant (ns) at which the firmware carried out `deed`; `None` if it has not. Later searches begin
+    /// after that instant.
     pub(super) fn find(&mut self, deed: &Deed, run: &mut dyn AnyRun) -> Option<u64> {
         match deed {
             Deed::Edge(pin, level) => {
@@ -92,7 +93,7 @@ impl Heard {
         }
     }
 
-    /// What came instead of `deed`, for a message.
+    /// Returns, for a message, what the firmware did in place of `deed`.
     pub(super) fn came(&self, deed: &Deed, run: &mut dyn AnyRun) -> String {
         match deed {
             Deed::Edge(pin, _) => {
@@ -121,14 +122,14 @@ impl Heard {
         }
     }
 
-    /// Why the firmware does nothing more, or what it is at now.
+    /// Returns, for a message, why the firmware does nothing more, or what it is doing.
     pub(super) fn end(&self, now: u64, doing: &str) -> String {
         format!("at {:.6} ms {doing}", milliseconds(now))
     }
 }
 
 impl Deed {
-    /// The deed as an object of "expected".
+    /// Returns the deed in words that can follow "expected".
     pub(super) fn shown(&self, pins: &Pins) -> String {
         match self {
             Self::Edge(pin, true) => format!("{} to rise", pins.name(*pin)),

@@ -1,8 +1,8 @@
-//! The lines of a script.
+//! Reads the lines of a script.
 
 use emulator_part::{Pin, Pins};
 
-/// What a firmware may do.
+/// An action of the firmware that a line of a script may expect.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Deed {
     /// A pin becomes high (`true`) or low.
@@ -17,7 +17,7 @@ pub(crate) enum Deed {
     Restart,
 }
 
-/// What a line of a script does. Times are in virtual nanoseconds.
+/// A command of a script. Times are in virtual nanoseconds.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Command {
     Watch(Pin),
@@ -34,9 +34,9 @@ pub(crate) enum Command {
     Fail(String),
 }
 
-/// The time within which something is expected if a line names none.
+/// The time within which an action is expected if the line states none.
 const DEFAULT_WITHIN: u64 = 1_000_000_000;
-/// The longest time in a line: a day.
+/// The longest time that a line may state: a day.
 const LONGEST: f64 = 86_400e9;
 
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -54,7 +54,7 @@ impl Token {
     }
 }
 
-/// Bytes as a script has them.
+/// Decodes bytes as a script writes them.
 pub(crate) fn quoted(bytes: &[u8]) -> String {
     let text: String = bytes
         .utf8_chunks()
@@ -73,7 +73,7 @@ pub(crate) fn quoted(bytes: &[u8]) -> String {
     format!("\"{text}\"")
 }
 
-/// A line without its comment, which begins with `#` outside a text.
+/// Returns a line without its comment. A comment begins with a `#` that is outside a text.
 pub(crate) fn code(line: &str) -> &str {
     let (mut in_text, mut escaped) = (false, false);
     let is_comment = |letter: char| {
@@ -102,7 +102,7 @@ fn tokens(line: &str) -> Result<Vec<Token>, String> {
     Ok(tokens)
 }
 
-/// The bytes of a text behind its opening quotation mark, and what follows the closing one.
+/// Reads a text from behind its opening quotation mark. Returns its bytes, and what follows the closing mark.
 fn text(line: &str) -> Result<(Vec<u8>, &str), String> {
     let mut bytes = vec![];
     let mut letters = line.char_indices();
@@ -138,7 +138,7 @@ fn text(line: &str) -> Result<(Vec<u8>, &str), String> {
     Err("a text has no closing quotation mark".to_owned())
 }
 
-/// The rest of a line.
+/// The part of a line that is still to be read.
 struct Line<'a> {
     tokens: std::vec::IntoIter<Token>,
     pins: &'a Pins,
@@ -246,7 +246,7 @@ impl Line<'_> {
 ///
 /// # Errors
 ///
-/// Returns what was expected, and what is there.
+/// Returns a message that says what was expected and what the line has in its place.
 pub(crate) fn parse(line: &str, pins: &Pins, part: &str) -> Result<Option<Command>, String> {
     let mut line = Line { tokens: tokens(code(line))?.into_iter(), pins, part };
     let Some(first) = line.tokens.next() else { return Ok(None) };

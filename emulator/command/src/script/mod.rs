@@ -1,4 +1,4 @@
-//! Runs a script: line by line, each when the one before it is done.
+//! Runs a script line by line. A line begins when the line before it is done.
 //!
 //! | what is looked at | from when |
 //! |---|---|
@@ -20,7 +20,7 @@ use crate::output::milliseconds;
 use heard::Heard;
 use line::{Command, Deed, code, parse};
 
-/// The lines of a script, those of standard input as they come.
+/// The source of a script's lines. Lines of standard input are read as they come.
 enum Source {
     File(VecDeque<Numbered>),
     Input(Box<dyn BufRead>),
@@ -38,23 +38,23 @@ struct Waiting {
     until: u64,
 }
 
-/// A script and how far it has come.
+/// A script and its progress.
 pub(crate) struct Script {
     name: String,
     target: Target,
     source: Source,
     number: usize,
-    /// The UARTs that are connected to pins by the lines read so far, with their bits a second.
+    /// The pins that the lines so far have connected to UARTs, with their rates in bits per second.
     uarts: BTreeMap<Pin, u32>,
     heard: Heard,
     waiting: Option<Waiting>,
-    /// The exit status that was expected and came.
+    /// Whether the firmware has exited with the expected status.
     exited: bool,
     ended: Option<std::result::Result<(), String>>,
 }
 
 impl Script {
-    /// Reads the script `path`, or begins to read standard input for `-`.
+    /// Reads the script `path`. With `-` it begins to read standard input.
     ///
     /// # Errors
     ///
@@ -133,7 +133,7 @@ impl Script {
         }
     }
 
-    /// Whether the script has come to its verdict.
+    /// Whether the script has reached its verdict.
     pub(crate) fn is_over(&self) -> bool {
         self.ended.is_some()
     }
@@ -142,7 +142,7 @@ impl Script {
         self.ended == Some(Ok(()))
     }
 
-    /// The verdict on a run with this outcome: what has failed, if anything.
+    /// Returns the verdict of the script on a run with this outcome: what has failed, if anything.
     pub(crate) fn verdict(&self, outcome: &Outcome) -> std::result::Result<(), String> {
         self.ended.clone().unwrap_or_else(|| Err("the script did not come to its end".to_owned()))?;
         let is_meant = |kind| self.exited && kind == FindingKind::ExitStatus;
@@ -153,8 +153,8 @@ impl Script {
         }
     }
 
-    /// Begins the next line, or runs the firmware for a piece of what the present one waits for. `say` gets an answer
-    /// to each line that is done.
+    /// Begins the next line, or runs the firmware for a piece of the time for which the present line waits. Passes an
+    /// answer to each line that is done to `say`.
     ///
     /// # Errors
     ///
@@ -178,7 +178,7 @@ impl Script {
                 }
             },
         };
-        // What came before the line was begun may be what it waits for.
+        // The firmware may have done what the line expects before the line began.
         let mut done = self.done(&waiting, run);
         if done.is_none() {
             self.run_piece(&waiting, run, event);
@@ -203,7 +203,7 @@ impl Script {
         self.ended = Some(Err(format!("{} line {number}: {text}", self.name)));
     }
 
-    /// Does what a command does at once. Returns for how long it waits, ns.
+    /// Carries out the immediate effect of a command. Returns the time, ns, for which the command waits.
     fn begin(&mut self, command: &Command, run: &mut dyn AnyRun) -> u64 {
         self.heard.begin_line();
         match command {
@@ -253,7 +253,7 @@ impl Script {
         run.wait_for(None);
     }
 
-    /// Whether a line is done: the instant (ns) at which it was, or what has failed; `None` while it waits.
+    /// Returns the instant (ns) at which a line was done, or what has failed; `None` while it waits.
     fn done(&mut self, waiting: &Waiting, run: &mut dyn AnyRun) -> Option<std::result::Result<u64, String>> {
         let pins = self.target.pins();
         let now = run.node().now();
@@ -301,7 +301,7 @@ impl Script {
     }
 }
 
-/// A time in the unit in which it is a small number.
+/// Formats a time in the unit that makes it a small number.
 fn duration(ns: u64) -> String {
     match ns {
         0..1_000 => format!("{ns} ns"),

@@ -135,7 +135,7 @@ fn main() -> ! {
         }
         match part::heard() {
             Some(b'?') => say(&[b'0' + rings, b'\r', b'\n']),
-            // ADP_Stopped_ApplicationExit
+            // The exit reason is ADP_Stopped_ApplicationExit.
             Some(b'!') => semihosting(0x18, 0x2_0026),
             _ => {}
         }

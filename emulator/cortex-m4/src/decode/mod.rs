@@ -38,13 +38,13 @@ pub(crate) fn wide(address: u32, first: u16, second: u16) -> Op {
     op(what, 4, block(what))
 }
 
-/// Makes an operation that takes `fault` instead of doing anything.
+/// Makes an operation that takes `fault` and does nothing else.
 pub(crate) fn fault(fault: Fault) -> Op {
     op(Do::Fault(fault), 2, Block::Same)
 }
 
-/// Makes an [`Op`] that stands for a breakpoint, a semihosting call or an instruction that is not decoded yet. Its size
-/// and its cost are 0, so neither the program counter nor time moves.
+/// Makes an [`Op`] for a breakpoint, a semihosting call or an instruction that is not decoded yet. It has size 0 and
+/// cost 0, so that neither the program counter nor time moves.
 pub(crate) const fn place(what: Do) -> Op {
     Op { what, size: 0, least: 0, most: 0, block: Block::Same }
 }
@@ -88,7 +88,7 @@ fn block(what: Do) -> Block {
     }
 }
 
-/// A branch on a condition (ARM ARM A7.3) other than the one that always passes.
+/// A branch on a condition (ARM ARM A7.3), but not on the condition "always".
 fn branch_if(condition: u8, target: u32) -> Do {
     match condition {
         0 => Do::BEq { target },

@@ -106,8 +106,8 @@ fn special_data(address: u32, h: u16) -> Do {
             (_, 15) => Do::AddImm { d, n: d, imm: pc },
             _ => Do::AddReg { d, n: d, m },
         },
-        // Two low registers are UNPREDICTABLE (A7.7.28), but silicon compares them, and LLVM relies on it: so
-        // unoptimised code has the comparison of an atomic exchange.
+        // CMP of two low registers in this form is UNPREDICTABLE (A7.7.28). Silicon compares them, and LLVM relies on
+        // this in the atomic exchange of unoptimised code.
         1 if d == 15 || m == 15 => UNDEFINED,
         1 => Do::CmpReg { n: d, m },
         2 => match (d, m) {
@@ -229,7 +229,7 @@ fn multiple(h: u16) -> Do {
         return UNDEFINED;
     }
     if h & 0x800 == 0 {
-        // If the base is in the list but not first in it, STM stores an unknown value for it.
+        // STM stores an unknown value for a base that is in the list but not first.
         if list & (1 << n) != 0 && list.trailing_zeros() != u32::from(n) {
             return UNDEFINED;
         }

@@ -153,7 +153,7 @@ pub(super) fn single(address: u32, first: u16, second: u16) -> Do {
     }
 }
 
-/// Makes the load or store with an immediate, in the variant that executes fastest.
+/// Returns the load or store with an immediate, in the variant that executes fastest.
 fn immediate(load: bool, format: Format, index: Index, t: u8, n: u8, imm: u32) -> Do {
     if index == Index::Offset && t < 13 {
         return match (load, format) {

@@ -13,8 +13,8 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Writes one word of an exception frame. A failure is returned as a data fault, which the caller turns into a
-    /// stacking fault.
+    /// Writes one word of an exception frame. Returns a failure as a data fault, which the caller turns into a stacking
+    /// fault.
     pub(super) fn push_word<B: Bus>(
         &mut self,
         bus: &mut B,
@@ -68,8 +68,8 @@ impl<C: Cost> Core<C> {
         self.take_best(bus, exc_return);
     }
 
-    /// Takes in the signals that changed during an entry or a return, so that the choice of the next exception includes
-    /// them.
+    /// Takes in the signals that changed during an entry or a return, because they may make another exception the next
+    /// one.
     fn take_late_arrivals<B: Bus>(&mut self, bus: &mut B) {
         let before = self.system.nvic.best;
         if bus.due() <= self.cycle {

@@ -19,7 +19,7 @@ impl<C: Cost> Core<C> {
     /// Returns from a handler (ARM ARM B1.5.8): unstacks the frame, or takes a pending exception without unstacking.
     /// `value` is the EXC_RETURN.
     pub(crate) fn exception_return<B: Bus>(&mut self, bus: &mut B, value: u32) {
-        // If the handler made its interrupt line fall, the core must see the low line before it deactivates the
+        // The handler may have lowered its interrupt line. The core must see the low line before it deactivates the
         // exception.
         self.system_advance();
         self.take_signals(bus);
@@ -44,7 +44,7 @@ impl<C: Cost> Core<C> {
             self.refuse_return(bus, value);
             return;
         }
-        // While lazy preservation is active, the FP state is still in the registers and memory has no copy of it.
+        // While lazy preservation is active, the registers still hold the FP state, and memory has no copy.
         let fp_in_memory = value & 0x10 == 0 && self.system.scb.fpccr & FPCCR_LSPACT == 0;
         let unstacked = self.cycle + C::EXCEPTION_RETURN + if fp_in_memory { C::FP_UNSTACKING } else { 0 };
         if self.preempts() || self.is_abandoned(bus, unstacked) {

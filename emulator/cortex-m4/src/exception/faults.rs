@@ -45,7 +45,7 @@ impl<C: Cost> Core<C> {
         true
     }
 
-    /// Locks the core up as if in the handler of HardFault or NMI, which could not be entered.
+    /// Locks the core up as in the handler of HardFault or NMI, because that handler could not be entered.
     pub(super) fn lock_up_at(&mut self, number: u16) {
         self.set_stack(false);
         self.ipsr = number;
@@ -116,8 +116,8 @@ impl<C: Cost> Core<C> {
                 (HARD_FAULT, 0, debug_catch::INTERR)
             }
             Fault::BusLazy | Fault::MemLazy => {
-                // `fp_ready` has already made the exception pending and found that it preempts, or has locked the core
-                // up.
+                // `fp_ready` has already made the exception pending. Either the exception preempts, or the core is
+                // locked up.
                 if !self.locked_up && self.preempts() {
                     let to = self.r[15];
                     self.enter(bus, to);

@@ -14,8 +14,8 @@ impl<C: Cost> Core<C> {
         self.push_word(bus, at.wrapping_add(64), self.fpscr, privileged)
     }
 
-    /// Prepares lazy preservation (UpdateFPCCR, ARM ARM B1.5.7): records where the FP state is to be saved, and which
-    /// faults could be taken now.
+    /// Prepares lazy preservation (UpdateFPCCR, ARM ARM B1.5.7). Records where the FP state is to be saved, and which
+    /// faults could be taken at present.
     pub(super) fn prepare_lazy_preservation(&mut self, frame: u32, privileged: bool) {
         let priority = self.execution_priority();
         let nvic = &self.system.nvic;

@@ -76,7 +76,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Takes in the part's signals, wakes the core, and takes the best pending exception if it preempts. The run loop
+    /// Takes in the part's signals, and wakes the core. Takes the best pending exception if it preempts. The run loop
     /// calls this between instructions while `attention` is set. Returns whether an exception was entered.
     pub(crate) fn look_at_exceptions<B: Bus>(&mut self, bus: &mut B) -> bool {
         self.system_advance();
@@ -91,7 +91,7 @@ impl<C: Cost> Core<C> {
             return false;
         }
         if let Some(before) = self.system.debug.stepping {
-            // A debugger's step ends after one instruction. If the core hangs, it ends without one.
+            // A debugger's step ends after one instruction. It also ends if the core hangs, without an instruction.
             if self.retired != before || self.hung {
                 self.system.debug.stepping = None;
                 if self.system.debug.halting() {
@@ -100,7 +100,8 @@ impl<C: Cost> Core<C> {
                 }
                 self.debug_event(DFSR_HALTED);
             } else {
-                // The step ends after the next instruction, whether or not anything else happens then.
+                // Attention stays set, because the debugger's step ends after the next instruction even if nothing else
+                // happens.
                 self.attention = self.waiting.is_none();
             }
         }

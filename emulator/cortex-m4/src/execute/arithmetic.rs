@@ -52,7 +52,7 @@ pub(crate) fn unsigned_saturate(value: i64, bits: u32) -> (u32, bool) {
     (held as u32, held != value)
 }
 
-/// Extends part of a register, which the caller has already rotated, and adds it to `base`.
+/// Extends part of a register and adds it to `base`. The caller has already rotated the register.
 pub(crate) const fn extend(kind: Extend, base: u32, value: u32) -> u32 {
     match kind {
         Extend::SignedByte => base.wrapping_add(value as i8 as u32),

@@ -49,7 +49,7 @@ impl<C: Cost> Core<C> {
             self.end_burst();
             self.catch_up();
             self.exception_return(bus, target);
-            // The return may have taken cycles.
+            // The exception return may have taken cycles.
             self.count_from(pc, self.cycle);
             return self.r[15];
         }

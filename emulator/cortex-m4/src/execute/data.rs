@@ -32,8 +32,8 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Adds `product` to register `a` for the SMLAxy family, and sets Q if the sum overflows. An `a` of 15 stands for
-    /// 0.
+    /// Adds `product` to register `a` for the SMLAxy family, and sets Q if the sum overflows. If `a` is 15, the addend
+    /// is 0.
     pub(super) fn accumulate(&mut self, d: u8, a: u8, product: i64) {
         let sum = if a == 15 { product } else { product + i64::from(self.get(a) as i32) };
         self.put(d, sum as u32);

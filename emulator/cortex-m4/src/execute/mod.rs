@@ -20,7 +20,7 @@ use crate::op::{Carry, Do, Format, Index, Op, Shift};
 use crate::{Bus, Core, Cost, Exit, Fault, Purpose, Width};
 use arithmetic::{dual, extend, half, parallel, shift, signed_saturate, unary, unsigned_saturate};
 
-/// Which instruction follows an executed one.
+/// Tells which instruction follows the one that was executed.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Flow {
     /// The instruction at the next address follows.

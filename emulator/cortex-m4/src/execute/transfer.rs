@@ -177,8 +177,8 @@ impl<C: Cost> Core<C> {
         if start & 3 == 0 { Ok((start, end)) } else { Err(Fault::Unaligned) }
     }
 
-    /// Whether to interrupt a load/store multiple before its register number `done` (from 0): an event is due there,
-    /// and the instruction can be continued.
+    /// Returns whether a load/store multiple is interrupted before its register number `done` (from 0). It is if an
+    /// event is due at that register and the instruction can be continued later.
     fn is_interrupted<B: Bus>(&self, bus: &mut B, list: u16, n: u8, down: bool, done: u32) -> bool {
         let continuable = self.it == 0 && list & (1 << n) == 0 && !(down && n == 13);
         C::BOUND.is_some()
@@ -189,26 +189,27 @@ impl<C: Cost> Core<C> {
             && self.cycle + u64::from(1 + done) >= self.limit_of_multiple(bus)
     }
 
-    /// Interrupts a load/store multiple before `register`, with `left` registers to go. The run loop continues it after
-    /// the event.
+    /// Interrupts a load/store multiple before `register`. `left` registers remain, which the run loop moves after the
+    /// event.
     fn interrupt_multiple(&mut self, register: usize, left: u32) -> u32 {
         self.ici = register as u8;
         self.attention = true;
         self.end_burst();
-        // The run loop counts the instruction and adds its full cost both now and when it is completed, so one count
-        // and one cost are taken back here.
+        // An interrupted instruction is counted at full cost now, and again when it is completed. One count and the
+        // cost of the remaining registers are therefore taken back here.
         self.cycle -= u64::from(left);
         self.retired -= 1;
         self.r[15]
     }
 
-    /// The registers that a continued load/store multiple still moves, and the number of those that it has moved.
+    /// Returns the registers that a continued load/store multiple still has to move, and the number that it has already
+    /// moved.
     fn continued(&mut self, list: u16) -> (u16, u32) {
         let from = std::mem::take(&mut self.ici);
         let rest = list & (u16::MAX << (from & 15));
         let before = list.count_ones() - rest.count_ones();
-        // The cycles of registers that were moved before are not counted again. The one cycle for the start of the
-        // instruction is.
+        // The cycles of the registers that were moved before must not count twice. The cycle for the start of the
+        // instruction counts again.
         self.catch_up();
         let again = u64::from(before).min(self.cycle);
         self.cycle -= again;

@@ -54,7 +54,7 @@ fn host_rounding(fpscr: u32) -> bool {
 }
 
 /// Whether a rounded result is finite and above the least normal number. The manual detects underflow before rounding,
-/// so a result that underflows may round up to the least normal number.
+/// so the least normal number itself may be the rounded result of an underflow.
 #[inline(always)]
 fn well_inside(result: f32) -> bool {
     (result.to_bits() >> 23 & 0xFF).wrapping_sub(2) < 253
@@ -113,7 +113,7 @@ pub(super) fn multiply(a: u32, b: u32, fpscr: &mut u32) -> u32 {
         let (x, y) = (f32::from_bits(a), f32::from_bits(b));
         let result = x * y;
         if well_inside(result) {
-            // A product of two 24-bit mantissas has 48 bits, which f64 holds exactly.
+            // The product of two 24-bit mantissas has 48 bits, so it is exact in f64.
             if *fpscr & IXC == 0 && f64::from(x) * f64::from(y) != f64::from(result) {
                 *fpscr |= IXC;
             }
@@ -129,7 +129,7 @@ pub(super) fn divide(a: u32, b: u32, fpscr: &mut u32) -> u32 {
         let (x, y) = (f32::from_bits(a), f32::from_bits(b));
         let result = x / y;
         if well_inside(result) {
-            // The quotient is exact if quotient times divisor equals the dividend. f64 holds that product exactly.
+            // A quotient is exact if the product of quotient and divisor is the dividend. That product is exact in f64.
             if *fpscr & IXC == 0 && f64::from(result) * f64::from(y) != f64::from(x) {
                 *fpscr |= IXC;
             }
@@ -159,15 +159,15 @@ pub(super) fn square_root(a: u32, fpscr: &mut u32) -> u32 {
 pub(super) fn multiply_add(addend: u32, a: u32, b: u32, fpscr: &mut u32) -> u32 {
     if host_rounding(*fpscr) {
         let z = f64::from(f32::from_bits(addend));
-        // The product is exact, so only the sum rounds. A sum that is rounded to odd in f64 then rounds to the right
-        // f32, since 53 bits are more than 24 + 2 (S. Boldo, G. Melquiond: Emulation of FMA and correctly rounded sums,
-        // 2008).
+        // The product is exact, so only the sum is rounded. The sum is rounded to odd in f64 and then to f32, which
+        // gives the right result because 53 bits are more than 24 + 2 (S. Boldo, G. Melquiond: Emulation of FMA and
+        // correctly rounded sums, 2008).
         let product = f64::from(f32::from_bits(a)) * f64::from(f32::from_bits(b));
         let sum = product + z;
         let error = sum_error(product, z, sum);
         let to_odd = if error != 0.0 && sum.to_bits() & 1 == 0 {
-            // The sum moves one step towards the exact sum. A larger magnitude has a larger bit pattern, for either
-            // sign.
+            // Rounding to odd moves the sum one step towards the exact sum. A larger magnitude has a larger bit
+            // pattern, for either sign.
             let outwards = (error > 0.0) == (sum > 0.0);
             f64::from_bits(if outwards { sum.to_bits() + 1 } else { sum.to_bits() - 1 })
         } else {
@@ -184,11 +184,11 @@ pub(super) fn multiply_add(addend: u32, a: u32, b: u32, fpscr: &mut u32) -> u32 
     exact::multiply_add(addend, a, b, fpscr)
 }
 
-/// Compares as VCMP and, if `signals`, as VCMPE: sets N, Z, C and V of FPSCR.
+/// Compares like VCMP, or like VCMPE if `signals`: sets N, Z, C and V of FPSCR.
 #[inline]
 pub(super) fn compare(a: u32, b: u32, signals: bool, fpscr: &mut u32) {
     let (x, y) = (f32::from_bits(a), f32::from_bits(b));
-    // The integer arithmetic handles flush-to-zero and NaNs.
+    // For flush-to-zero and NaNs the integer arithmetic is used.
     if *fpscr & FZ != 0 || x.is_nan() || y.is_nan() {
         exact::compare(a, b, signals, fpscr);
     } else {

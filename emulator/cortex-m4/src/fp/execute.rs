@@ -128,7 +128,7 @@ impl<C: Cost> Core<C> {
         Ok(())
     }
 
-    // The masks show the compiler that the index is in range.
+    // The mask shows the compiler that the index is in range.
     #[inline]
     fn s(&self, register: u8) -> u32 {
         self.s[usize::from(register & 31)]
@@ -160,7 +160,7 @@ impl<C: Cost> Core<C> {
         self.set_s(d, result);
     }
 
-    /// Executes VFMA and its relatives, which round once.
+    /// Executes VFMA and its relatives, which round only the final result.
     #[inline]
     fn fused(&mut self, d: u8, n: u8, m: u8, addend_sign: u32, factor_sign: u32) {
         let (addend, factor) = (self.s(d) ^ addend_sign, self.s(n) ^ factor_sign);

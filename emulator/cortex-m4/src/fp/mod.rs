@@ -116,7 +116,7 @@ pub(crate) enum FpOp {
         d: u8,
         m: u8,
     },
-    /// VMOV of an immediate. `imm8` is as encoded, and A6.4.1 expands it.
+    /// VMOV of an immediate. `imm8` is the encoded value, which A6.4.1 expands.
     VmovImmediate {
         d: u8,
         imm8: u8,
@@ -234,8 +234,8 @@ const _: () = assert!(size_of::<FpOp>() <= 8);
 /// The least and the most cycles of an instruction, without wait states: TRM table 7-1.
 ///
 /// The most cycles include the extra cycle of an arithmetic instruction whose result the next instruction reads. The
-/// least of VDIV and VSQRT is 1, although the table has 14, since integer instructions execute while the division goes
-/// on.
+/// least cycles of VDIV and VSQRT are 1 although the table has 14, because integer instructions execute while the
+/// division goes on.
 pub(crate) fn cycles(op: FpOp) -> (u8, u8) {
     match op {
         FpOp::Vadd { .. }

@@ -1,5 +1,5 @@
 //! ITM, TPIU, ETM and ROM table, as far as start-up code uses them: identification, locks, and registers that read
-//! back. There is no trace output: stimulus ports are always ready, and their data is lost.
+//! back. The model has no trace output: stimulus ports are always ready, and data written to them is lost.
 
 /// The unlock key of CoreSight components, ARM ARM appendix D2.
 const UNLOCK: u32 = 0xC5AC_CE55;
@@ -43,7 +43,8 @@ impl CoreSight {
         Self { port_size: 1, protocol: 1, formatter: 0x102, etm_control: 0x411, ..Self::default() }
     }
 
-    /// Reads an address that DWT, FPB and SCS do not have. Returns `None` where there is no register.
+    /// Reads an address of this space that belongs to none of DWT, FPB and SCS. Returns `None` where there is no
+    /// register.
     pub(crate) fn read(&self, address: u32) -> Option<u32> {
         let offset = address & 0xFFF;
         match address >> 12 & 0xFF {

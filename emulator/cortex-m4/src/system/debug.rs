@@ -39,9 +39,9 @@ pub(crate) struct Debug {
     was_reset: bool,
     /// The value of `retired` when DHCSR was last read, for S_RETIRE_ST.
     retired_seen: u64,
-    /// The DFSR bits that say why the core halts before the next instruction, 0 if it does not halt.
+    /// The DFSR bits for the reason why the core must halt before the next instruction, 0 if it need not halt.
     pub(crate) halt_wanted: u32,
-    /// The value of `retired` before a step, by a halting debugger or the monitor, that is under way.
+    /// The value of `retired` before the present step, which a halting debugger or the monitor has begun.
     pub(crate) stepping: Option<u64>,
 }
 
@@ -190,8 +190,8 @@ impl<C: Cost> Core<C> {
             && i32::from(self.system.nvic.group_priority(nvic::DEBUG_MONITOR)) < self.execution_priority()
     }
 
-    /// Begins a step of the monitor after an exception return, in the code that the monitor interrupted (ARM ARM
-    /// C1.5.2).
+    /// Begins a step of the monitor: after the exception return, the code that the monitor interrupted executes one
+    /// instruction (ARM ARM C1.5.2).
     pub(crate) fn begin_monitor_step(&mut self) {
         let debug = &self.system.debug;
         if debug.demcr & MON_STEP != 0 && !debug.halting() && self.monitor_can_be_taken() {

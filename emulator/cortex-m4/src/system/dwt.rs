@@ -56,7 +56,7 @@ impl Dwt {
         if self.counting { (cycle as u32).wrapping_sub(self.count) } else { self.count }
     }
 
-    /// Computes again whether CYCCNT counts and whether accesses are watched, after a change of the registers.
+    /// Determines again, after a change of the registers, whether CYCCNT counts and whether accesses are watched.
     fn settle(&mut self, cycle: u64) {
         let now = self.cycle_count(cycle);
         let counting = self.on && self.control & CYCCNTENA != 0 && !self.paused;
@@ -102,7 +102,7 @@ impl Dwt {
     }
 
     pub(crate) fn pause(&mut self, cycle: u64, paused: bool) {
-        // CYCCNT keeps its value and continues from it.
+        // CYCCNT keeps its value, and counts on from it.
         let now = self.cycle_count(cycle);
         self.set_count(now, false, cycle);
         self.paused = paused;
@@ -154,8 +154,8 @@ impl Dwt {
         hit
     }
 
-    /// Whether the value of an access matches (DATAVMATCH): the access has the size DATAVSIZE and is at the address of
-    /// a linked comparator (C1.8.5).
+    /// Returns whether the value of an access matches (DATAVMATCH). The access must have the size DATAVSIZE and be at
+    /// the address of a linked comparator (C1.8.5).
     fn value_matches(&self, comparator: Comparator, address: u32, width: u32, value: u32) -> bool {
         let size = 1 << (comparator.function >> 10 & 3).min(2);
         if width != size {
@@ -175,7 +175,7 @@ impl Dwt {
         })
     }
 
-    /// The addresses at which a PC match is a debug event, each with the number of low address bits that are ignored.
+    /// Returns the addresses at which a PC match is a debug event, each with the number of low address bits to ignore.
     pub(crate) fn pc_matches(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
         self.comparators
             .iter()

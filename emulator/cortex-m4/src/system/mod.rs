@@ -56,7 +56,8 @@ pub(crate) struct System {
     config: Config,
 }
 
-/// The part's share of the external private peripheral bus (ARM ARM B3.1), between the ETM and the ROM table.
+/// The addresses of the external private peripheral bus that the part may use (ARM ARM B3.1), between the ETM and the
+/// ROM table.
 const EXTERNAL: std::ops::Range<u32> = 0xE004_2000..0xE00F_F000;
 
 impl System {
@@ -218,7 +219,7 @@ impl<C: Cost> Core<C> {
     pub(crate) fn system_read<B: Bus>(&mut self, bus: &mut B, access: &Access) -> Result<u32, Fault> {
         let address = access.address & !3;
         let debugger = access.purpose == Purpose::Debugger;
-        // Unprivileged code can read only the ITM here (ARM ARM B3.1.1, C1.7.1).
+        // Unprivileged code can read only the ITM in this space (ARM ARM B3.1.1, C1.7.1).
         if !access.privileged && !debugger && address >> 12 != 0xE_0000 {
             return Err(Fault::BusData(access.address));
         }
@@ -261,7 +262,7 @@ impl<C: Cost> Core<C> {
                 && address & 0xFFF < 0x80
                 && self.system.coresight.itm_privilege >> (address >> 5 & 3) & 1 == 0;
             let trigger = address == 0xE000_EF00 && self.system.scb.ccr & CCR_USERSETMPEND != 0;
-            // Unprivileged code can write only those registers of the ITM that are stimulus ports open to it (ARM ARM
+            // Unprivileged code can write only the ITM's stimulus ports, and only those that are open to it (ARM ARM
             // C1.7.1).
             if address >> 12 == 0xE_0000 && !stimulus {
                 return Ok(());
@@ -282,8 +283,8 @@ impl<C: Cost> Core<C> {
             let shift = 8 * (access.address & 3);
             let mask = if access.width == Width::Byte { 0xFF } else { 0xFFFF };
             value = (value & mask) << shift;
-            // In CFSR ones clear bits, so a narrow write must not copy the other bits. A narrow write of a priority
-            // keeps its neighbours.
+            // A narrow write of a priority must keep the bytes beside it. In CFSR ones clear bits, so a narrow write
+            // must not copy the other bits.
             if address != 0xE000_ED28 && address >> 12 == 0xE_000E {
                 value |= self.scs_read(address & 0xFFF, true).unwrap_or(0) & !(mask << shift);
             }
@@ -339,7 +340,7 @@ impl<C: Cost> Core<C> {
         self.system.mpu.data(address, write, privileged, priority)
     }
 
-    /// Whether the MPU is off or opens all of these bytes, so that accesses need no check.
+    /// Returns whether accesses to these bytes need no check, because the MPU is off or opens all of them.
     #[inline(always)]
     pub(crate) fn mpu_opens(&mut self, address: u32, bytes: u32, write: bool, privileged: bool) -> bool {
         self.system.mpu.opens(address, bytes, write, privileged)
@@ -399,8 +400,8 @@ impl<C: Cost> Core<C> {
         self.system.dwt.watching
     }
 
-    /// The addresses at which the FPB or the DWT has a breakpoint. [`Self::hardware_breakpoint`] must be called before
-    /// the instruction there.
+    /// Returns the addresses at which the FPB or the DWT has a breakpoint. The run loop must call
+    /// [`Self::hardware_breakpoint`] before it executes the instruction there.
     pub(crate) fn fpb_breakpoints(&self) -> impl Iterator<Item = u32> {
         let matches = self.system.dwt.pc_matches();
         self.system

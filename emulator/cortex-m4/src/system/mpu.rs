@@ -48,20 +48,20 @@ impl Region {
     }
 }
 
-/// A range of addresses that all have the same rights while the MPU applies. Its size of sixteen bytes lets a shift
-/// find a span in a list.
+/// A range of addresses that all have the same rights while the MPU applies. A span has sixteen bytes, so a shift finds
+/// it in a list.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(16))]
 struct Span {
     first: u32,
-    /// The last address minus the first.
+    /// The difference between the last address and the first.
     extent: u32,
-    /// The rights of privileged code. The rights of unprivileged code are [`UNPRIVILEGED`] bits higher.
+    /// The rights of privileged code. Those of unprivileged code are [`UNPRIVILEGED`] bits higher.
     rights: u32,
 }
 
 impl Span {
-    /// Makes a span without any address whose highest four bits are `place`.
+    /// Makes a span that contains no address whose highest four bits are `place`.
     const fn elsewhere(place: u32) -> Self {
         Self { first: (place ^ 8) << 28, extent: 0, rights: 0 }
     }
@@ -79,9 +79,9 @@ pub(crate) struct Mpu {
     number: u32,
     count: u32,
     regions: [Region; 8],
-    /// The spans of all addresses, in rising order. Empty if they must be computed again.
+    /// The spans of all addresses, in rising order. The list is empty if it must be computed again.
     spans: Vec<Span>,
-    /// For each value of the address's highest four bits, the span that was last looked up.
+    /// The span that was last looked up, for each value of the address's highest four bits.
     near: [Span; 16],
 }
 
@@ -126,7 +126,7 @@ impl Mpu {
     /// Computes the spans. Rights change only where a region, an eighth of a region or an area of the default map
     /// begins or ends.
     fn work_out(&mut self) {
-        // The default map has eight areas. Each region adds its two ends and the seven addresses between its eighths.
+        // The default map has eight areas. A region has two ends, and seven addresses between its eighths.
         let mut edges = [0_u32; 8 + 8 * 9];
         let mut count = 0;
         let mut add = |edge: u32| {
@@ -175,7 +175,7 @@ impl Mpu {
         rights
     }
 
-    /// Looks up the span of `address` and keeps it in `near`.
+    /// Looks up the span of `address`, and keeps the span in `near`.
     #[cold]
     #[inline(never)]
     fn approach(&mut self, address: u32) -> Span {
@@ -223,7 +223,7 @@ impl Mpu {
         self.control & ENABLE != 0
     }
 
-    /// Whether the MPU is on at this execution priority. In NMI and HardFault it is off unless HFNMIENA is set.
+    /// Whether the MPU is on at this execution priority. It is off in NMI and HardFault unless HFNMIENA is set.
     fn applies(&self, priority: i32) -> bool {
         self.enabled() && (priority >= 0 || self.control & HFNMIENA != 0)
     }
@@ -334,7 +334,7 @@ mod tests {
             }
             for pair in ends[1..ends.len() - 1].chunks(2) {
                 assert_eq!(pair[0].wrapping_add(1), pair[1], "no address is left out");
-                // The two words are on both sides of a span's end.
+                // The two words are before and after the end of a span.
                 assert!(!mpu.opens(pair[0], 2, false, true) && !mpu.opens(pair[0], 2, true, false));
             }
         }

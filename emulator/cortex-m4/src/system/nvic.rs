@@ -37,7 +37,7 @@ pub(crate) struct Nvic {
     /// The levels of the inputs when the core last checked them. NMI is bit 2.
     level: Set,
     implemented: Set,
-    /// The priorities by exception number. Reset, NMI and HardFault have fixed priorities, which are not here.
+    /// The priorities by exception number. Those of Reset, NMI and HardFault are fixed and not in this list.
     priority: [u8; 256],
     pub(crate) priority_mask: u8,
     group: u8,
@@ -49,7 +49,7 @@ pub(crate) struct Nvic {
     pub(crate) best_priority: i16,
     /// The highest group priority of the active exceptions.
     pub(crate) active_priority: i16,
-    /// Whether an exception became pending since this flag was last cleared, for SCR.SEVONPEND.
+    /// Whether an exception has become pending since this flag was last cleared. SCR.SEVONPEND needs it.
     pub(crate) newly_pending: bool,
 }
 
@@ -236,7 +236,7 @@ impl Nvic {
         self.refresh();
     }
 
-    /// Ends the active state of an exception. The exception is pending again if its line is still high.
+    /// Ends the active state of an exception. If the exception's line is still high, the exception is pending again.
     pub(crate) fn deactivate(&mut self, number: u16) {
         let (word, bit) = bit(number);
         self.active[word] &= !bit;
@@ -264,7 +264,7 @@ impl Nvic {
         (low | high) as u32
     }
 
-    /// The implemented lines from 32 * `index` on whose bits are set in `value`, as a set.
+    /// Returns a set of implemented lines: those from 32 * `index` on whose bits are set in `value`.
     fn named(&self, index: u32, value: u32) -> Set {
         let mut set = [0; 4];
         let first = 16 + 32 * index;

@@ -79,7 +79,7 @@ impl Scb {
         Self {
             vtor: vtor & !0x7F,
             scr: 0,
-            // STKALIGN is set after a reset (TRM table 4-1).
+            // The bit STKALIGN is set after a reset (TRM table 4-1).
             ccr: CCR_STKALIGN,
             cfsr: 0,
             hfsr: 0,
@@ -109,7 +109,7 @@ fn identification(offset: u32) -> Option<u32> {
         0xD68 => 0x2123_2231,
         0xD6C => 0x0111_1131,
         0xD70 => 0x0131_0132,
-        // AFR0, MMFR1, MMFR3, and the cache registers of other cores.
+        // These registers are AFR0, MMFR1, MMFR3, and the cache registers of other cores.
         0xD4C | 0xD54 | 0xD5C | 0xD74..=0xD84 => 0,
         0xF40 => 0x1011_0021,
         0xF44 => 0x1100_0011,
@@ -118,7 +118,7 @@ fn identification(offset: u32) -> Option<u32> {
     })
 }
 
-/// The active and pending bits of SHCSR, each row with the exception, its active bit and its pending bit (ARM ARM
+/// The active and pending bits of SHCSR. Each row has the exception, its active bit and its pending bit (ARM ARM
 /// B3.2.13).
 const HANDLERS: [(u16, Option<u32>, Option<u32>); 7] = [
     (nvic::MEM_MANAGE, Some(0), Some(13)),
@@ -220,7 +220,8 @@ impl<C: Cost> Core<C> {
             0xD2C => scb.hfsr &= !value,
             0xD30 => scb.dfsr &= !value,
             0xD34 | 0xD38 => scb.fault_address = value,
-            // The FPU is coprocessors 10 and 11. The access value 0b10 is reserved and treated as no access.
+            // CPACR holds the access to coprocessors 10 and 11, which are the FPU. The value 0b10 is reserved and
+            // treated as no access.
             0xD88 => scb.cpacr = value & 0x00F0_0000,
             0xD90..=0xDB8 => system.mpu.write(offset - 0xD90, value),
             0xF00 => system.nvic.trigger(value & 0x1FF),

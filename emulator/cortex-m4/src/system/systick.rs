@@ -9,7 +9,7 @@
 //! management"). A part that stops FCLK in deep sleep also stops the core's cycle count. SysTick stands still while the
 //! core is halted for debug (B3.3.1).
 //!
-//! The value is computed from the cycle at which it was last known.
+//! The value is calculated from the cycle at which it was last known.
 
 const ENABLE: u32 = 1;
 const TICKINT: u32 = 1 << 1;
@@ -19,7 +19,7 @@ const CLKSOURCE: u32 = 1 << 2;
 pub(crate) struct SysTick {
     control: u32,
     reload: u32,
-    /// The value of CVR at the cycle `at`.
+    /// Returns the value of CVR at the cycle `at`.
     value: u32,
     at: u64,
     counted: bool,
@@ -38,7 +38,7 @@ impl SysTick {
         if self.control & CLKSOURCE != 0 || self.reference == 0 { 1 } else { u64::from(self.reference) }
     }
 
-    /// Moves `at` to the last tick at or before `cycle`. Ticks of the reference clock are at multiples of its period.
+    /// Moves `at` to the last tick at or before `cycle`. The reference clock has its ticks at multiples of its period.
     fn align(&mut self, cycle: u64) {
         self.at = cycle - cycle % self.step();
     }
@@ -47,7 +47,7 @@ impl SysTick {
         self.control & ENABLE != 0 && !self.paused
     }
 
-    /// Counts up to `cycle`. Returns whether the counter reached zero with TICKINT set.
+    /// Counts up to `cycle`. Returns whether the counter has reached zero while TICKINT is set.
     pub(crate) fn advance(&mut self, cycle: u64) -> bool {
         if !self.counting() || cycle <= self.at {
             return false;
@@ -62,7 +62,7 @@ impl SysTick {
             self.value -= ticks as u32;
             return false;
         }
-        // A cleared counter first reloads. Only a count from one to zero raises the exception.
+        // A counter that was cleared reloads first. Only a count from one to zero raises the exception.
         let mut reached = self.value != 0;
         ticks -= u64::from(self.value);
         self.value = 0;

@@ -9,7 +9,7 @@
 //! | `branches` | branches, IT blocks | A4.3, A7.3 |
 //!
 //! Each case has the assembly, its halfwords, the number of instructions to execute, and registers and NZCV before and
-//! after. RAM holds 0x80, 0x81 and so on from 0x2000_0100 on. The code is at 0x100.
+//! after. RAM holds 0x80, 0x81 and so on from 0x2000_0100 on. The code begins at 0x100.
 
 mod branches;
 use crate::common;

@@ -86,7 +86,7 @@ impl Thumb {
         self.raw(&[0xBF30])
     }
 
-    /// Sleeps for ever, except for interrupts.
+    /// Sleeps in an endless loop; only interrupts run.
     pub(crate) fn idle(&mut self) -> &mut Self {
         let again = self.here();
         self.wfi().branch(again)

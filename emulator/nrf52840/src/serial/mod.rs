@@ -84,7 +84,7 @@ impl Channel {
         }
     }
 
-    /// Takes the buffer for a transfer. With LIST the pointer moves on to the next buffer.
+    /// Takes the prepared buffer for a transfer. In list mode the pointer moves on to the next buffer.
     pub(crate) fn take(&mut self) -> Buffer {
         let buffer = Buffer { at: self.ptr, len: self.maxcnt, done: 0 };
         if self.list & 0b111 == 1 {
@@ -108,7 +108,7 @@ impl Buffer {
     }
 }
 
-/// Stores `byte` in `rx`. Returns `false` past the buffer's end.
+/// Stores a received byte in the buffer `rx`. Returns `false` if the buffer is full.
 #[inline]
 fn receive(rx: &mut Buffer, byte: u8, cx: &mut Cx<'_>) -> bool {
     let Some(address) = rx.next() else {
@@ -148,7 +148,7 @@ pub(crate) const fn mode(config: u32) -> SpiMode {
 struct Transfer {
     tx: Buffer,
     rx: Buffer,
-    /// The byte that is being exchanged.
+    /// The byte that is being exchanged. The next field is the PCLK16M tick at which it begins.
     byte: u8,
     ends: u64,
     stopping: bool,
@@ -159,12 +159,13 @@ struct Transaction {
     granted: bool,
     tx: Buffer,
     rx: Buffer,
-    /// The byte that is sent next.
+    /// The byte that will be sent next.
     ready: Option<u8>,
-    /// The cycle at which CSN fell.
+    /// The cycle at which CSN fell for the present transaction.
     since: Cycle,
     last: Option<Cycle>,
-    /// The last byte that the target received, and the last that it sent, for a controller in another mode.
+    /// The last byte that the target received. The next field is the last byte that it sent. Both matter for a
+    /// controller in another SPI mode.
     heard: u8,
     said: u8,
 }
@@ -172,8 +173,8 @@ struct Transaction {
 #[derive(Clone, Debug)]
 pub(crate) struct Serial {
     block: Block,
-    /// Whether the block also has an SPIS and reaches 8 MHz only, as SPIM0–2 do. SPIM3 has its own block and reaches 32
-    /// MHz.
+    /// Whether the block also has an SPIS and reaches only 8 MHz, as SPIM0–2 do. SPIM3 has a block of its own and
+    /// reaches 32 MHz.
     shared: bool,
     enable: u32,
     psel: [u32; 4],
@@ -248,7 +249,7 @@ impl Instance for Serial {
                 None if self.enable == SPIM => self.block.raise(STOPPED, cx),
                 None => {}
             },
-            // The suspension lasts until RESUME, also between transfers.
+            // A suspension lasts until RESUME, even between transfers.
             0x01C => self.suspended = self.enable == SPIM,
             0x020 => {
                 if self.suspended {
@@ -305,7 +306,7 @@ impl Instance for Serial {
             cx.misuse("pins or mode written during a transfer, at offset", offset);
         }
         match offset {
-            // There are no stalls, and SEMSTAT is read-only.
+            // The bus never stalls, and SEMSTAT is read-only.
             0x400 => {}
             0x440 => self.status &= !value,
             0x500 => {
@@ -324,7 +325,7 @@ impl Instance for Serial {
                     self.suspended = false;
                     self.two_wire.stop();
                     self.target.stop();
-                    // An enabled SPIS begins with the semaphore at the CPU (SEMSTAT's reset value).
+                    // When an SPIS is enabled, the CPU holds its semaphore (SEMSTAT's reset value).
                     self.semaphore = Semaphore::Cpu;
                     if let Some(pin) = Pin::selected(self.psel[3]).filter(|_| !self.shared) {
                         // SPIM3's chip select is inactive between transfers, and returns to GPIO when SPIM3 is

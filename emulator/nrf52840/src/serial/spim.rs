@@ -37,7 +37,7 @@ impl Serial {
         })
     }
 
-    /// Converts between a byte and its bit order on the wire, first bit highest.
+    /// Reverses the order of a byte's bits if needed, so that the first bit on the wire is the highest.
     pub(super) fn on_the_wire(&self, byte: u8) -> u8 {
         if self.config & 1 == 0 { byte } else { byte.reverse_bits() }
     }
@@ -117,7 +117,7 @@ impl Serial {
         };
         (self.rxd.amount, self.txd.amount) = (transfer.rx.done, transfer.tx.done);
         for (buffer, event) in [(transfer.tx, ENDTX), (transfer.rx, ENDRX)] {
-            // A full buffer raised its event at its last byte. Any other buffer raises its event now.
+            // A buffer that is full has raised its event at its last byte. Any other buffer raises its event now.
             if buffer.done < buffer.len || buffer.len == 0 {
                 self.block.raise(event, cx);
             }
@@ -137,7 +137,7 @@ impl Serial {
         }
     }
 
-    /// Completes the present byte, for which `miso` came back.
+    /// Completes the present byte. `miso` is the byte that came back.
     pub(crate) fn exchanged(&mut self, miso: u8, cx: &mut Cx<'_>) {
         let byte = self.on_the_wire(miso);
         let ticks = self.byte_ticks().unwrap_or(0);

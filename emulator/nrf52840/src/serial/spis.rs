@@ -28,7 +28,8 @@ const SHORTEST_BYTE: u64 = cycles(1_000);
 /// cycle.
 const SLACK: u64 = cycles(100);
 
-/// Whether data comes one bit late between two ends in these modes: what the target receives, and what it sends.
+/// Returns whether data comes one bit late if the two ends use these modes: what the target receives, and what it
+/// sends.
 const fn late(one: SpiMode, other: SpiMode) -> (bool, bool) {
     use SpiMode::{Mode0, Mode1, Mode2, Mode3};
     match (one, other) {
@@ -47,7 +48,8 @@ impl Serial {
         self.transaction.is_some()
     }
 
-    /// The number of bytes that may be clocked before the SPIS raises an event. ENDRX comes with the last byte of RXD.
+    /// Returns the number of bytes that may be clocked before the SPIS raises an event. ENDRX is raised at the last
+    /// byte of RXD.
     pub(crate) fn quiet(&self) -> usize {
         match &self.transaction {
             Some(transaction) if transaction.granted && transaction.rx.next().is_some() => {
@@ -57,7 +59,7 @@ impl Serial {
         }
     }
 
-    /// The bytes, up to the buffer's end, that a transaction would read if it began now.
+    /// Returns the bytes that a transaction would read if it began now, up to the end of the buffer.
     pub(crate) fn offers(&self, memory: &Memory) -> Vec<u8> {
         memory.slice(self.txd.ptr, self.txd.maxcnt as usize).unwrap_or_default().to_vec()
     }
@@ -178,7 +180,7 @@ impl Serial {
                 transaction.tx.done += 1;
                 byte
             }
-            // The byte is past the end of TXD, or where EasyDMA does not reach.
+            // This byte is past the end of TXD, or at an address that EasyDMA does not reach.
             (left, _) => {
                 transaction.tx.done += u32::from(left.is_some());
                 if left.is_none() {
@@ -248,7 +250,7 @@ impl Serial {
         }
     }
 
-    /// Reports a write to a register of transfers while the CPU does not hold the semaphore.
+    /// Reports a write to a register of transfers, if the CPU does not hold the semaphore.
     pub(super) fn guard(&self, offset: u32, cx: &mut Cx<'_>) {
         if self.enable == SPIS && !matches!(self.semaphore, Semaphore::Cpu) {
             cx.misuse("a buffer register written without the semaphore, at offset", offset);

@@ -117,8 +117,8 @@ impl TwoWire {
     ) {
         match offset {
             0x000 | 0x008 => {
-                // FREQUENCY has values for 100, 250 and 400 kbit/s; anomaly 219 names one for 390 kbit/s, which
-                // keeps the low time of fast mode.
+                // FREQUENCY has values for 100, 250 and 400 kbit/s. Anomaly 219 adds one for 390 kbit/s, which keeps
+                // the low time of fast mode.
                 let ticks = match frequency {
                     0x0198_0000 => 160,
                     0x0400_0000 => 64,

@@ -35,7 +35,7 @@ const OVERREAD: u32 = 1 << 3;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
     Idle,
-    /// The target was addressed for a write (`false`) or a read. It has no buffer yet.
+    /// The controller addressed the target for a write (`false`) or a read. The target has no buffer yet.
     Waiting(bool),
     Receiving,
     Sending,
@@ -194,7 +194,7 @@ impl Target {
                     answer(true, orc)
                 }
             },
-            // The action is against the transfer's direction, so nobody drives SDA.
+            // The controller's action is against the transfer's direction, so nobody drives SDA.
             (I2cEvent::Write(_) | I2cEvent::Read(_), State::Receiving | State::Sending) => answer(false, 0xFF),
         }
     }

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// The ID of the only SPIM that is faster than 8 MHz.
+/// The ID of SPIM3, the only SPIM that is faster than 8 MHz.
 const SPIM3: u32 = 0x2F;
 
 const NOT_MODELLED: &str = "is not modelled, first used at offset";
@@ -136,7 +136,7 @@ impl Soc {
                 _ => instance.read(offset, *now, clocks),
             }
         });
-        // Only the legacy UART has a register that changes when it is read.
+        // Apart from these two, only the legacy UART has a register that changes when it is read.
         if real && matches!((id, offset), (0x02 | 0x28, 0x518)) {
             call!(self, id, instance, cx => instance.was_read(offset, cx));
             self.carry(outside);
@@ -192,8 +192,8 @@ impl Soc {
     }
 
     pub(crate) fn worst_wait_states(&mut self, access: &Access) -> u32 {
-        // The processor has the highest priority on the AHB multilayer. It waits only for an access of EasyDMA to the
-        // same slave that has already begun (PS 4.7).
+        // On the AHB multilayer the processor has the highest priority. It waits only for an access of EasyDMA that has
+        // already begun, to the same slave (PS 4.7).
         let contention = u32::from(
             self.moving != 0
                 && self.memory.may_meet_dma(access.address)

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// The maximum number of acts that one access or one instant may set off. More come from an endless loop.
+/// The maximum number of acts that one access or one instant may set off. Only an endless loop sets off more.
 const LOOP_LIMIT: u32 = 100_000;
 
 impl Soc {
@@ -21,7 +21,7 @@ impl Soc {
         let there = if self.off { 1 << COMP } else { u64::MAX };
         let mut later = u64::MAX;
         loop {
-            // An instance that another one has called may be due as well.
+            // An instance that another one has called may have an event due as well.
             let left = (self.scheduled | self.touched) & later & there;
             if left == 0 {
                 return;
@@ -35,7 +35,8 @@ impl Soc {
             let due = instance!(parts, id, instance => instance.next().is_some_and(|at| at <= *now));
             if due == Some(true) {
                 call!(self, id, instance, cx => instance.due(cx));
-                // The acts come before the next instance, so that two instances due at one instant follow each other.
+                // The effects of an instance are delivered before the next instance acts, even if both are due at one
+                // instant.
                 self.drain(outside);
             }
         }
@@ -196,7 +197,7 @@ impl Soc {
         }
     }
 
-    /// Requests a restart, until which nothing more happens in the part.
+    /// Requests a restart. Nothing more happens in the part until then.
     fn request(&mut self, cause: Reset) {
         self.restarting = Some(cause);
         self.halted = true;

@@ -23,7 +23,8 @@ use crate::clocks::cycles;
 use crate::memory::{FLASH_BYTES, PAGE, UICR_BASE};
 
 const UICR_APPROTECT: u32 = UICR_BASE + 0x208;
-/// HwDisabled, which opens the hardware's half of the protection. Parts before build code Fxx need the erased value.
+/// HwDisabled, the value that opens the hardware's half of the protection. Parts before build code Fxx need the erased
+/// value.
 const HW_DISABLED: u8 = 0x5A;
 const ERASED: u8 = 0xFF;
 
@@ -40,7 +41,7 @@ pub enum CtrlRequest {
     Nothing,
     /// A soft reset begins, and holds the part until it is released.
     HoldReset,
-    /// The soft reset ends, and the part starts.
+    /// The soft reset has ended, and the part starts.
     ReleaseReset,
 }
 
@@ -48,14 +49,14 @@ pub enum CtrlRequest {
 pub(crate) struct Access {
     /// Whether UICR.APPROTECT was open when the part last read it, at a reset.
     hardware_open: bool,
-    /// Whether the port stays open until UICR is read again, whatever the registers say.
+    /// Whether the debug port stays open, whatever the registers say, until UICR is read again.
     stays_open: bool,
     reset_held: bool,
     erases_until: Option<Cycle>,
 }
 
 impl Soc {
-    /// Reads UICR.APPROTECT, at a reset of the debug components.
+    /// Reads UICR.APPROTECT, as the part does at a reset of the debug components.
     fn take_up_protection(&mut self) {
         let value = self.memory.slice(UICR_APPROTECT, 1).map_or(ERASED, |bytes| bytes[0]);
         let hardened = self.settings.build_code[2] >= b'F';
@@ -63,7 +64,7 @@ impl Soc {
         self.access.stays_open = self.access.hardware_open && !hardened;
     }
 
-    /// Handles a restart, before the registers are reset.
+    /// Updates the protection at a restart, before the registers are reset.
     pub(crate) fn protection_restarts(&mut self, cause: Reset) {
         self.abandon_erase();
         match cause {

@@ -65,8 +65,8 @@ impl Parts {
     }
 }
 
-/// Evaluates `$call` for the instance with the ID `$id`, in that instance's own type. Gives `None` for an ID without a
-/// model.
+/// Evaluates `$call` for the instance with the ID `$id`, in that instance's own type. The value is `None` if the ID has
+/// no model.
 macro_rules! instance {
     ($parts:expr, $id:expr, $instance:ident => $call:expr) => {{
         macro_rules! on {

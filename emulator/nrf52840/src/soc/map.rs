@@ -72,7 +72,7 @@ pub(super) static BLOCKS: [BlockSpec; 44] = [
 
 const CRYPTOCELL: std::ops::Range<u32> = 0x5002_A000..0x5002_C000;
 
-/// Registers that the workarounds of USBD's anomalies 166, 171 and 187 write. No table lists them.
+/// Registers that no table lists. The workarounds of USBD's anomalies 166, 171 and 187 write them.
 const USBD_TEST: std::ops::Range<u32> = 0x4006_E000..0x4006_F000;
 
 /// Finds a block that has neither an ID nor a model.
@@ -84,7 +84,7 @@ pub(super) fn unmodelled_at(address: u32) -> Option<(&'static str, u32)> {
     }
 }
 
-/// The index in [`BLOCKS`] of each ID.
+/// The index in [`BLOCKS`] of the block with each ID.
 static PLACES: [u8; 64] = {
     let mut places = [u8::MAX; 64];
     let mut n = 0;
@@ -105,7 +105,8 @@ static NAMES: [&str; 64] = {
     names
 };
 
-/// For each block, the words that hold a register and the words that are writable, one bit each.
+/// For each block, two maps with one bit for each word: the words that hold a register, and the words that are
+/// writable.
 pub(super) static REGISTERS: [[[u64; 16]; 2]; BLOCKS.len()] = {
     let mut maps = [[[0; 16]; 2]; BLOCKS.len()];
     let mut block = 0;
@@ -146,7 +147,7 @@ pub(super) fn block_at(address: u32) -> Option<(Id, usize, &'static BlockSpec)> 
     spec(id).map(|(n, block)| (id, n, block))
 }
 
-/// The name of a register without a model in a block with one.
+/// Returns the name of a register that has no model, in a block that has one.
 pub(super) fn register_name(block: &BlockSpec, offset: u32) -> &'static str {
     block.registers.iter().find(|register| register.offset == offset).map_or("?", |register| register.name)
 }

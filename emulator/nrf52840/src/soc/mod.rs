@@ -61,12 +61,12 @@ pub(crate) struct Soc {
     pub(crate) gpio: Gpio,
     parts: Parts,
     pub(crate) out: Outbox,
-    /// The latest cycle at which anything happened in the part.
+    /// The latest cycle at which anything has happened in the part.
     pub(crate) now: Cycle,
     pub(crate) signals: Signals,
-    /// The instances that were called and whose interrupt line and next cycle must be taken over.
+    /// The instances, as bits, that were called. Their interrupt lines and next cycles must still be taken over.
     touched: u64,
-    /// The instances that have an event due.
+    /// The instances, as bits, that have an event due at some time.
     scheduled: u64,
     nexts: [Cycle; 64],
     /// The earliest cycle at which an event is due.
@@ -74,12 +74,12 @@ pub(crate) struct Soc {
     pub(crate) moving: u64,
     met_dma: Cycle,
     pub(crate) spis_events: Vec<(Cycle, usize, SpisEvent)>,
-    /// For each [`SpisEvent::Ready`], the data that a transaction would read.
+    /// For each [`SpisEvent::Ready`], its cycle and the data that a transaction would read.
     pub(crate) spis_offers: Vec<(Cycle, Vec<u8>)>,
     pub(crate) watchdog_resets: Vec<WatchdogReset>,
     pub(crate) spis_wires: Option<SpisWires>,
     restarting: Option<Reset>,
-    /// Whether the part waits for its restart, and nothing happens in it.
+    /// Whether nothing happens in the part, because it waits for its restart.
     halted: bool,
     off: bool,
     held: bool,

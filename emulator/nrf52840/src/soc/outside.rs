@@ -12,8 +12,8 @@ impl Soc {
 
     pub(crate) fn drive<O: Outside>(&mut self, at: Cycle, pin: Pin, level: Option<bool>, outside: &mut O) {
         self.come(at, outside);
-        // The core's last access may be a few cycles after the edge, in an instruction that began before it. The
-        // hardware's effects happen at the edge.
+        // The core's last access may come a few cycles after the edge, in an instruction that began before it. The
+        // effects of the edge still happen at its own instant.
         let reached = std::mem::replace(&mut self.now, at);
         self.gpio.outside(pin, level, at, &mut self.out);
         self.carry(outside);
@@ -25,7 +25,7 @@ impl Soc {
         self.out.pc = None;
     }
 
-    /// Tells a new level to the instances that use the pin. In System OFF only SENSE works.
+    /// Tells a pin's new level to the instances that use the pin. In System OFF only SENSE reacts.
     pub(super) fn level(&mut self, pin: Pin, level: bool) {
         if self.halted {
             return;
@@ -72,7 +72,7 @@ impl Soc {
         let miso = match wires.miso {
             Some(pin) if self.gpio.is_connected(pin) => match answer {
                 Some(bits) if !self.gpio.is_output(pin) => bits as u8,
-                // MISO is not driven and reads as its pad's level.
+                // Nobody drives MISO, so it reads as the level of its pad.
                 _ => 0xFF * u8::from(self.gpio.level(pin)),
             },
             _ => 0,
@@ -102,7 +102,7 @@ impl Soc {
         self.drive(at, csn, Some(false), outside);
     }
 
-    /// Handles a byte that an SPI controller clocked up to `at`. The caller carries out the effects.
+    /// Passes a byte that an SPI controller has clocked until `at` to the SPIS. The caller delivers the effects.
     fn spis_byte(&mut self, at: Cycle, mosi: u8, mode: SpiMode) -> Option<u8> {
         let wires = self.spis_wires?;
         let selected = |number: &usize| {
@@ -124,7 +124,7 @@ impl Soc {
         miso
     }
 
-    /// Exchanges several bytes. The first ended at `first`, and each further byte `time` 2⁻¹⁶ cycles later.
+    /// Exchanges several bytes. The first ended at `first`, and each further byte ends `time` 2⁻¹⁶ cycles later.
     pub(crate) fn spis_exchange<O: Outside>(
         &mut self,
         first: Cycle,

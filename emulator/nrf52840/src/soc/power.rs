@@ -2,11 +2,11 @@
 
 use super::*;
 
-/// What RAM holds that was not retained through System OFF.
+/// The value of RAM bytes that were not retained through System OFF.
 const LOST: u8 = 0xA5;
 
 impl Soc {
-    /// Changes the source of a clock. Instances on that clock move their next events.
+    /// Changes the source of a clock. Instances that use the clock move their next events.
     pub(super) fn switch(&mut self, source: Source) {
         let Settings { hfxo_ppb, hfint_ppb, lfxo_ppb, lfrc_ppb, .. } = self.settings;
         match source {
@@ -15,7 +15,7 @@ impl Soc {
             Source::LowRc => self.feed_lf(lfrc_ppb, false),
             Source::LowCrystal => self.feed_lf(lfxo_ppb, false),
             Source::LowSynthesised => self.feed_lf(self.clocks.hf_ppb, true),
-            // The watchdog keeps LFCLK running.
+            // A running watchdog keeps LFCLK running.
             Source::LowStopped if self.parts.wdt.running() => {
                 self.feed_lf(lfrc_ppb, false);
                 self.parts.clock_power.keep_lfclk();
@@ -90,8 +90,8 @@ impl Soc {
         self.carry(outside);
     }
 
-    /// Restarts the part (PS 5.3, *Reset behavior*). State that the cause does not reset is kept, and the outside goes
-    /// on driving its pins.
+    /// Restarts the part (PS 5.3, *Reset behavior*). State that the cause does not reset is kept. The outside continues
+    /// to drive its pins.
     pub(crate) fn restart<O: Outside>(&mut self, at: Cycle, cause: Reset, outside: &mut O) {
         self.now = self.now.max(at);
         self.out.pc = None;
@@ -135,7 +135,7 @@ impl Soc {
         self.signals.announce();
         let Self { gpio, out, now, .. } = self;
         if wakes {
-            // GPIO keeps its configuration through System OFF and the reset after it.
+            // GPIO keeps its configuration through System OFF and the reset that ends it.
             gpio.let_go(*now, out);
         } else {
             gpio.restart(*now, out);
@@ -160,6 +160,19 @@ impl Soc {
                 self.memory.ram.bytes_mut()[from..from + size].fill(LOST);
             }
         }
+    }
+
+    pub(crate) fn drift<O: Outside>(&mut self, at: Cycle, ppb: i64, outside: &mut O) {
+        self.come(at, outside);
+        self.settings.hfxo_ppb += ppb;
+        self.settings.lfxo_ppb += ppb;
+        if self.parts.clock_power.is_hfxo_stable() {
+            self.switch(Source::HighCrystal);
+        }
+        if self.parts.clock_power.is_on_lfxo() {
+            self.switch(Source::LowCrystal);
+        }
+        self.carry(outside);
     }
 
     pub(crate) fn set_hfxo_startup(&mut self, startup_ns: Option<u64>) {

@@ -1,8 +1,8 @@
-//! The frames on the wire to a receiver, as levels over time.
+//! The frames on the wire to a receiver, as a course of levels.
 
 use super::*;
 
-/// The level of bit `k`: start bit, data, parity, stop bit and what follows.
+/// Returns the level of bit `k` of a frame: start bit, data, parity, stop bit and what follows.
 fn level_of(frame: &UartFrame, k: u64) -> bool {
     let bits = u64::from(frame.bits);
     let ones = (u32::from(frame.data) & ((1 << frame.bits) - 1)).count_ones();

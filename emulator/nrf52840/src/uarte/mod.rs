@@ -55,7 +55,7 @@ const BREAK: u32 = 1 << 3;
 
 const ENABLED: u32 = 8;
 const LEGACY: u32 = 4;
-/// The bytes that the receiver holds without a buffer.
+/// The number of bytes that the receiver can hold without a buffer.
 const FIFO: usize = 6;
 /// The free room of the FIFO, in bytes, at which RTS goes high. RTS is low only while more is free (PS 6.34).
 const ROOM: usize = 4;
@@ -94,14 +94,14 @@ pub(crate) struct Uarte {
     rxd: [u32; 3],
     txd: [u32; 3],
     tx: Option<Buffer>,
-    /// The byte that is being sent.
+    /// The byte that the transmitter is sending.
     byte: u8,
     tx_from: u64,
     tx_sent: u64,
     tx_stopping: bool,
     tx_next: Option<Cycle>,
     tx_held: bool,
-    /// The pins RTS and TXD, if driven, with their levels between frames.
+    /// The pins RTS and TXD that are driven, with their levels between frames.
     driven: [Option<(Pin, bool)>; 2],
     rx: Option<Buffer>,
     rx_on: bool,
@@ -109,7 +109,7 @@ pub(crate) struct Uarte {
     rx_timeout: Option<Cycle>,
     fifo: VecDeque<u8>,
     line: Line,
-    /// The cycles of the present byte's start edge and of its stop bit's sample.
+    /// The present byte's start edge, and the sample of its stop bit, both in cycles.
     receiving: Option<(Cycle, Cycle)>,
     /// Whether the legacy UART's transmitter is on.
     legacy_tx: bool,
@@ -311,7 +311,7 @@ impl Instance for Uarte {
         if self.rx_timeout.take_if(|at| *at <= now).is_some() {
             self.rx_on = false;
             if self.rx.is_some() {
-                // A shortcut must not restart a stopped receiver.
+                // The receiver is stopped first, so that no shortcut restarts it.
                 self.finish_rx(cx);
             }
             self.block.raise(RXTO, cx);

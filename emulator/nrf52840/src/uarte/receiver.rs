@@ -3,7 +3,7 @@
 use super::*;
 
 impl Uarte {
-    /// Drives RTS (active low) by the receiver's free room, and TXD, which is high between frames.
+    /// Drives RTS (active low), which depends on the room in the FIFO, and TXD, which is high between frames.
     pub(super) fn drive_pins(&mut self, cx: &mut Cx<'_>) {
         let enabled = matches!(self.enable, ENABLED | LEGACY);
         let controls = enabled && self.config & 1 != 0;
@@ -90,7 +90,7 @@ impl Uarte {
         self.sample(cx);
     }
 
-    /// Begins to receive at the next falling edge, if no byte is being received.
+    /// Waits for the next falling edge from `from` on, if no byte is being received.
     fn wait_for_edge(&mut self, from: Cycle, cx: &Cx<'_>) {
         if self.receiving.is_none() {
             let bits = 9 + u64::from(self.has_parity());
@@ -135,7 +135,7 @@ impl Uarte {
         }
         self.fifo.push_back(byte);
         if self.enable == LEGACY {
-            // RXDRDY means that RXD has a byte. It comes again when this byte was read and another one follows.
+            // RXDRDY means that RXD has a byte. If another byte follows the one that was read, RXDRDY comes again.
             if self.fifo.len() == 1 {
                 self.block.raise(RXDRDY, cx);
             }

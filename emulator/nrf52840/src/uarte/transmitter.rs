@@ -18,13 +18,13 @@ impl Uarte {
         self.tx_next = Some(cx.clocks.hf.instant(self.tx_from + self.ticks(self.tx_sent + 1)));
     }
 
-    /// The pin of CTS (active low), if flow control uses it.
+    /// Returns the pin of CTS (active low) if flow control uses it.
     pub(crate) fn clear_to_send(&self) -> Option<Pin> {
         let controls = self.config & 1 != 0 && matches!(self.enable, ENABLED | LEGACY);
         controls.then(|| Pin::selected(self.psel[2])).flatten()
     }
 
-    /// Handles a change of CTS: a byte that CTS delayed begins now.
+    /// Handles a change of CTS. A byte that CTS has delayed begins now.
     pub(crate) fn clear_to_send_moved(&mut self, level: bool, cx: &mut Cx<'_>) {
         self.block.raise(if level { NCTS } else { CTS }, cx);
         if !level && self.tx_held {

@@ -232,7 +232,7 @@ fn system_off_ends_in_a_reset_when_the_low_power_comparator_detects() {
     let input = emulator_part::Pin::new(0, 4);
     let mut rig = Rig::new();
     rig.world.microvolts.insert(input, 2_000_000);
-    // LPCOMP detects a rise above half of 3 V.
+    // LPCOMP detects that its input rises above half of the 3 V supply.
     rig.write_all(&[(LPCOMP + 0x504, 2), (LPCOMP + 0x508, 3), (LPCOMP + 0x520, 1), (LPCOMP + 0x500, 1), (LPCOMP, 1)]);
     rig.run_for(MS);
     rig.write_all(&[(TIMER0 + 0x508, 3), (TIMER0, 1), (POWER + 0x500, 1)]);

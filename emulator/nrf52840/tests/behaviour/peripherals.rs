@@ -76,7 +76,8 @@ fn a_pwm_plays_a_sequence_from_ram_on_its_pin() {
     rig.write(PWM0 + 0x08, 1);
     rig.run_to(10 * US);
     let edges: Vec<_> = rig.world.pins.iter().map(|&(at, _, pad)| (at, pad.level())).collect();
-    // A period has 16 counts of 4 cycles. The pin is high from cycle 16 to 64, and then from 64 to 64 + 24.
+    // A period has 16 counts of 4 cycles. The pin is high from cycle 16 to 64, and in the next period from 64 to 64 +
+    // 24.
     assert_eq!(edges, [(16, true), (88, false)]);
     assert_eq!((rig.read(PWM0 + 0x110), rig.read(PWM0 + 0x104)), (1, 1), "SEQEND, STOPPED");
     assert_eq!(rig.deadline(), u64::MAX);
@@ -263,7 +264,8 @@ fn a_watchdog_that_pauses_in_sleep_counts_only_while_awake() {
 
 #[test]
 fn a_comparators_hysteresis_is_half_above_and_half_below_its_threshold() {
-    // ENABLE, MODE, REFSEL and half the hysteresis around 1.5 V. LPCOMP compares with half of 3 V, COMP with AIN3.
+    // Each row has ENABLE, MODE, REFSEL and half the hysteresis, around 1.5 V. LPCOMP compares with half of 3 V, and
+    // COMP with AIN3.
     for (enable, mode, select, half) in [(1, 0, 3, 25_000), (2, 1 << 8, 5, 15_000)] {
         let mut rig = Rig::new();
         let (input, reference) = (Pin::new(0, 4), Pin::new(0, 5));

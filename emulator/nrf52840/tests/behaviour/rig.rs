@@ -136,7 +136,7 @@ impl Rig {
         assert!(self.try_write(address, Width::Word, value), "{address:#x}");
     }
 
-    /// Writes. Returns whether the bus carried the write out.
+    /// Writes to `address`. Returns whether the bus carried the write out.
     pub(crate) fn try_write(&mut self, address: u32, width: Width, value: u32) -> bool {
         let done = self.part.write(&self.access(address, width), value, &mut self.world).is_ok();
         self.after();
@@ -183,7 +183,7 @@ impl Rig {
         self.run_to(self.now + cycles);
     }
 
-    /// Lets time pass until the register at `address` is not 0. Returns that cycle.
+    /// Lets time pass until the register at `address` is not 0. Returns the cycle at which that is so.
     pub(crate) fn run_until_set(&mut self, address: u32, limit: Cycle) -> Cycle {
         while self.read(address) == 0 {
             let deadline = self.deadline();
@@ -260,7 +260,7 @@ pub(crate) const CSN: Pin = Pin::new(1, 4);
 pub(crate) const WIRES: SpisWires =
     SpisWires { sck: Pin::new(1, 1), mosi: Pin::new(1, 3), miso: Pin::new(1, 2), csn: CSN };
 
-/// PIN_CNF for an output, an input, and an input with a pull-up.
+/// The values of PIN_CNF for an output, for an input, and for an input with a pull-up.
 pub(crate) const OUTPUT: u32 = 1 | 1 << 1;
 pub(crate) const INPUT: u32 = 0;
 pub(crate) const PULLED_UP: u32 = 3 << 2;

@@ -2,7 +2,7 @@
 use crate::rig::*;
 use emulator_part::{FindingKind, Part, SpiMode};
 
-/// A part with a recording chip on P1.12 to P1.15, and SPIM0 at 8 MHz.
+/// Returns a part with a chip on P1.12 to P1.15, which records its bytes, and with SPIM0 at 8 MHz.
 fn with_chip() -> Rig {
     let mut rig = Rig::new();
     rig.world.chip = Some(SpiMode::Mode1);
@@ -191,8 +191,8 @@ fn a_frame_says_where_when_and_how_it_was_clocked() {
 
 #[test]
 fn a_wire_that_psel_or_gpio_leaves_out_carries_nothing() {
-    // The writes before START, whether SCK and MOSI carry a signal, the byte received from the chip, and the number of
-    // findings.
+    // A case has the writes before START, whether SCK and MOSI carry a signal, the byte received from the chip, and the
+    // number of findings.
     type Case<'a> = (&'a [(u32, u32)], bool, bool, u8, usize);
     let cases: [Case<'_>; 6] = [
         (&[], true, true, 0xA5, 0),

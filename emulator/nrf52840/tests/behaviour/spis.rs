@@ -3,7 +3,7 @@ use crate::rig::*;
 use emulator_part::{FindingKind, Pin, SpiMode};
 use nrf52840::SpisEvent;
 
-/// A part with SPIS1 on P1.01 to P1.04 and 8 bytes of buffer in each direction. The CPU still holds the semaphore.
+/// Returns a part with SPIS1 on P1.01 to P1.04 and buffers of 8 bytes. The CPU still holds the semaphore.
 fn with_spis() -> Rig {
     let mut rig = Rig::new();
     rig.write_all(&[
@@ -86,7 +86,7 @@ fn the_outside_sees_the_cpu_take_the_semaphore_and_give_it_back() {
     rig.write(SPIS1 + 0x28, 1);
     let around = [SpisEvent::Released, SpisEvent::Ready];
     assert_eq!(said(&mut rig), [&around[..], &[SpisEvent::Held], &around].concat());
-    // END_ACQUIRE: the CPU holds the semaphore after a transaction.
+    // With the shortcut END_ACQUIRE the CPU gets the semaphore when a transaction ends.
     rig.write(SPIS1 + 0x200, 1 << 2);
     transact(&mut rig, &[0xA0]);
     assert_eq!(said(&mut rig), [SpisEvent::End { rx: 1, tx: 1 }, SpisEvent::Held]);
@@ -127,7 +127,7 @@ fn bytes_exchanged_together_are_those_exchanged_one_by_one() {
         together.run_to(began + US * (mosi.len() as u64 + 1));
         together.deselect(CSN);
 
-        // RXD has 8 bytes, and ENDRX comes with the eighth.
+        // RXD has 8 bytes, so a run ends at the eighth byte, which raises ENDRX.
         assert_eq!(runs, if granted { vec![8, 3] } else { vec![11] });
         assert_eq!(miso.into_iter().map(Some).collect::<Vec<_>>(), alone);
         assert_eq!(together.memory(RX, 9), one_by_one.memory(RX, 9));
@@ -141,8 +141,8 @@ fn bytes_exchanged_together_are_those_exchanged_one_by_one() {
 
 #[test]
 fn an_spis_on_other_pins_than_the_controllers_exchanges_nothing() {
-    // The misrouted PSEL register, the byte that the SPIS sends, and the byte that it receives. Without SCK the first
-    // is constant. MOSI matters only to the second.
+    // Each row has the PSEL register that is set wrongly, the byte that the SPIS sends, and the byte that it receives.
+    // Without SCK the first is constant. MOSI matters only to the second.
     for (register, back, received) in [(0x508, Some(0), 0), (0x510, Some(1), 0), (0x50C, None, 0xA0)] {
         let mut rig = with_spis();
         rig.write_all(&[(SPIS1 + register, psel(0, 20)), (SPIS1 + 0x28, 1)]);
@@ -208,7 +208,7 @@ fn an_spis_held_by_the_cpu_answers_the_default_character_throughout() {
 
 #[test]
 fn the_semaphore_goes_from_hand_to_hand_as_specified() {
-    // A state, an action of the CPU in it, and the next state with ACQUIRED.
+    // Each row has a state, an action of the CPU in it, the next state, and whether ACQUIRED is raised.
     const ACQUIRE: u32 = 0x24;
     const RELEASE: u32 = 0x28;
     let (free, cpu, spis, pending) = (0, 1, 2, 3);
@@ -236,7 +236,7 @@ fn the_semaphore_goes_from_hand_to_hand_as_specified() {
         assert_eq!(rig.read(SPIS1 + 0x400), from);
         rig.write(SPIS1 + task, 1);
         assert_eq!((rig.read(SPIS1 + 0x400), rig.read(SPIS1 + 0x128)), (to, acquired), "from {from} by {task:#x}");
-        // The end of the transaction must lead to the state that follows the row's next state.
+        // After the transaction has ended, the state must be the one that follows the row's next state.
         rig.run_for(10 * US);
         rig.deselect(CSN);
         let after = if to == pending {
@@ -275,7 +275,7 @@ fn end_and_acquired_come_together_with_shortcut_or_pending_acquire() {
     }
 }
 
-/// Makes TIMER1, `ticks` of 62.5 ns after its start, take the SPIS from the controller through PPI.
+/// Makes TIMER1 take the SPIS from the controller through PPI, `ticks` of 62.5 ns after the timer's start.
 fn expire_after(rig: &mut Rig, ticks: u32) {
     rig.write_all(&[
         (TIMER1 + 0x508, 3),
@@ -303,7 +303,7 @@ fn a_free_spis_taken_by_a_timer_answers_the_default_character() {
     }
     assert_eq!(rig.read(SPIS1 + 0x440), 0, "a transaction that is not answered reads past nothing");
     assert_eq!((rig.read(SPIS1 + 0x53C), rig.read(SPIS1 + 0x54C)), (2, 2), "as the last one answered left them");
-    // Another DEF shows that the answer comes from the register.
+    // A different DEF shows that the answer comes from this register.
     rig.write(SPIS1 + 0x55C, 0x3C);
     assert_eq!(transact(&mut rig, &[0]), [Some(0x3C)]);
     rig.assert_clean();
@@ -343,7 +343,8 @@ fn a_timer_started_anew_before_it_is_due_leaves_the_spis_alone() {
 
 #[test]
 fn each_status_bit_stays_until_a_one_clears_it() {
-    // RXD.MAXCNT, TXD.MAXCNT, and STATUS after a transaction of four bytes: OVERREAD in bit 0, OVERFLOW in bit 1.
+    // Each row has RXD.MAXCNT, TXD.MAXCNT, and STATUS after a transaction of four bytes, with OVERREAD in bit 0 and
+    // OVERFLOW in bit 1.
     for (rx, tx, status) in [(4, 4, 0), (4, 3, 0b01), (3, 4, 0b10), (3, 3, 0b11), (0, 0, 0b11)] {
         let mut rig = with_spis();
         rig.write_all(&[(SPIS1 + 0x538, rx), (SPIS1 + 0x548, tx), (SPIS1 + 0x28, 1)]);
@@ -351,7 +352,7 @@ fn each_status_bit_stays_until_a_one_clears_it() {
         assert_eq!(rig.read(SPIS1 + 0x440), status, "{rx} {tx}");
         rig.write(SPIS1 + 0x440, 0);
         assert_eq!(rig.read(SPIS1 + 0x440), status, "a zero clears nothing");
-        // The status bits stay through a transaction that fits the buffers.
+        // A transaction that fits the buffers leaves the status bits as they are.
         transact(&mut rig, &[]);
         assert_eq!(rig.read(SPIS1 + 0x440), status);
         for bit in [0b01, 0b10] {
@@ -422,7 +423,7 @@ fn a_controller_a_cycle_off_the_timing_is_not_reported() {
 #[test]
 fn chip_select_without_a_clock_ends_a_granted_transaction_of_no_bytes() {
     let mut rig = with_spis();
-    // The shortcut from END to ACQUIRE is set, and the SPIS holds the semaphore.
+    // The shortcut from END to ACQUIRE is set. The SPIS holds the semaphore.
     rig.write_all(&[(SPIS1 + 0x200, 1 << 2), (SPIS1 + 0x28, 1)]);
     for ended in [1, 0, 0] {
         rig.select(CSN);

@@ -78,7 +78,7 @@ fn a_compare_due_with_a_task_or_write_is_not_lost() {
             let mut rig = Rig::new();
             rig.write_all(&timer(TIMER0, 320));
             rig.write_all(&[(PPI + 0x510, TIMER0 + 0x140), (PPI + 0x514, EGU0), (PPI + 0x504, 1), (TIMER0, 1)]);
-            // The core's write comes before the models are advanced to their event.
+            // The core writes before the models are advanced to the event that is due.
             rig.now = 20 * US + late;
             rig.write(address, value);
             assert_eq!(rig.read(TIMER0 + 0x140), 1, "{what}, {late} cycles late");
@@ -94,8 +94,8 @@ fn a_compare_due_with_a_task_or_write_is_not_lost() {
 #[test]
 fn a_compare_due_with_a_capture_through_ppi_is_not_lost() {
     let mut rig = Rig::new();
-    // Both timers reach their compare values at one instant. The first one's event captures the second, which the model
-    // handles later.
+    // Both timers reach their compare values at one instant. The first one's event captures the second timer, which the
+    // model handles later.
     rig.write_all(&timer(TIMER0, 320));
     rig.write_all(&timer(TIMER1, 320));
     rig.write_all(&[(PPI + 0x510, TIMER0 + 0x140), (PPI + 0x514, TIMER1 + 0x44), (PPI + 0x504, 1)]);
@@ -251,7 +251,7 @@ fn start_lfclk(rig: &mut Rig) {
     rig.run_until_set(POWER + 0x104, 10 * MS);
 }
 
-/// The cycle of LFCLK tick `n`; LFCLK started at 600 µs.
+/// Returns the cycle of LFCLK tick `n`. LFCLK started at 600 µs.
 fn lf_tick(n: u64) -> u64 {
     600 * US + (n * 64_000_000).div_ceil(32_768)
 }
@@ -342,7 +342,7 @@ fn the_timeout_interrupt_comes_two_ticks_before_the_reset() {
     rig.write(WDT + 0x304, 1);
     assert_eq!(rig.run_until_set(WDT + 0x100, 10 * MS), lf_tick(100));
     assert!(rig.line(16));
-    // These reloads come too late.
+    // These reloads of the watchdog come too late.
     rig.write_all(&[(WDT + 0x600, 0x6E52_4635), (WDT + 0x604, 0x6E52_4635)]);
     rig.run_to(10 * MS);
     assert_eq!(rig.part.watchdog_resets()[0].at, lf_tick(102));

@@ -13,7 +13,7 @@ fn with_target() -> Rig {
     rig
 }
 
-/// The TWIS's acknowledge and byte; `None` while it holds SCL.
+/// Returns the acknowledge and the byte of the TWIS; `None` while the TWIS holds SCL.
 fn bus(rig: &mut Rig, event: I2cEvent) -> Option<(bool, u8)> {
     rig.run_for(90 * US);
     let answer = rig.part.two_wire(rig.now, Pin::new(0, 14), Pin::new(0, 16), event, &mut rig.world);
@@ -36,7 +36,7 @@ fn an_addressed_target_holds_scl_until_it_has_a_buffer() {
     assert_eq!(rig.read(SPIM0 + 0x124), 0);
     assert_eq!(bus(&mut rig, Write(0x33)), NOBODY, "RXD is full");
     assert_eq!((rig.read(SPIM0 + 0x124), rig.read(SPIM0 + 0x4D0)), (1, 0b101), "ERROR: OVERFLOW, DNACK");
-    // A repeated start. SHORTS has READ_SUSPEND.
+    // The transfer has a repeated start, and SHORTS has READ_SUSPEND.
     rig.write(SPIM0 + 0x4D0, 0b101);
     rig.write_all(&[(SPIM0 + 0x200, 1 << 14), (SPIM0 + 0x34, 1)]);
     assert_eq!(bus(&mut rig, Start(0x1A << 1 | 1)), YES);

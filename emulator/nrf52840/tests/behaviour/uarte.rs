@@ -65,15 +65,15 @@ fn a_uart_reports_the_errors_that_the_bits_show() {
     let frame = |data, baud| UartFrame::eight_n_one(data, baud);
     let even = UartFrame { parity: UartParity::Even, ..frame(0x07, 1_000_000) };
     let odd = UartFrame { parity: UartParity::Odd, ..frame(0x07, 1_000_000) };
-    // CONFIG, the frame that arrives, the byte that is received, and ERRORSRC.
+    // Each case has CONFIG, the frame that arrives, the byte that is received, and ERRORSRC.
     let cases = [
         (0, frame(0x55, 1_000_000), 0x55, 0),
         (0, frame(0x55, 1_030_000), 0x55, 0),
         (0xE, even, 0x07, 0),
         (0xE, odd, 0x07, 1 << 1),
-        // A parity bit comes where the receiver expects a stop bit.
+        // The receiver expects a stop bit where the frame has a parity bit.
         (0, UartFrame { parity: UartParity::Even, ..frame(0x03, 1_000_000) }, 0x03, 1 << 2),
-        // At half the rate each bit is sampled twice.
+        // A frame of half the rate has each of its bits sampled twice.
         (0, frame(0x0F, 500_000), 0b1111_1110, 0),
         (0, frame(0x00, 500_000), 0, 1 << 2 | 1 << 3),
     ];
@@ -159,7 +159,7 @@ fn cts_holds_bytes_back_and_rts_reports_room() {
     let sent: Vec<_> = rig.world.sent.iter().map(|(at, _, frame)| (*at - MS, frame.data as u8)).collect();
     assert_eq!(sent, [(10 * US, b'h'), (20 * US, b'i')]);
     assert_eq!((rig.read(UARTE0 + 0x100), rig.read(UARTE0 + 0x104)), (1, 1), "CTS, NCTS");
-    // The buffer has one byte. With two more bytes in the FIFO there is room for four.
+    // The buffer holds one byte, and the FIFO two more. The FIFO has room for another four.
     rig.write_all(&[(UARTE0 + 0x534, RX), (UARTE0 + 0x538, 1), (UARTE0, 1)]);
     assert!(!rig.part.pin(rts));
     for (byte, ready) in [(b'a', true), (b'b', true), (b'c', false), (b'd', false)] {

@@ -86,10 +86,10 @@ struct Converter {
     jsqr: u32,
     data: u32,
     running: Option<Conversion>,
-    /// In discontinuous mode, the number of the conversion with which the next trigger begins.
+    /// The index of the conversion with which the next trigger begins, in discontinuous mode.
     next_place: u8,
     request: bool,
-    /// Whether the DMA has made its last transfer (DDS = 0).
+    /// Whether the last transfer of the DMA is over (DDS = 0).
     dma_ended: bool,
 }
 

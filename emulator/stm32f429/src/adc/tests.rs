@@ -14,7 +14,7 @@ fn a_conversion_takes_its_sampling_time_and_a_cycle_for_each_bit() {
     rig.write(0x10, 1);
     rig.write(CR2, ADON);
     rig.write(CR2, ADON | SWSTART);
-    // 15 + 12 cycles of PCLK2 / 2.
+    // The conversion takes 15 + 12 cycles of PCLK2 / 2.
     rig.run(53);
     assert_eq!(rig.read(0), STRT);
     rig.run(54);

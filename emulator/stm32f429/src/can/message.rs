@@ -41,14 +41,14 @@ impl Mailbox {
             run = if bit == last { run + 1 } else { 1 };
             last = bit;
             if run == 5 {
-                // A stuff bit is the complement of the run before it, and begins the next run.
+                // A stuff bit is the complement of the bits before it. It counts as the first bit of the next run.
                 (run, last, stuffed) = (1, 1 - bit, stuffed + 1);
             }
         }
         u64::from(count) + stuffed
     }
 
-    /// The values that a 32-bit filter and a 16-bit filter compare with.
+    /// Returns the values that the filters compare with: that of a 32-bit filter, and that of a 16-bit filter.
     pub(super) fn compared(&self) -> (u32, u32) {
         let wide = self.identifier & !TXRQ;
         let narrow = wide >> 21 << 5 | (wide & RTR) << 3 | (wide & IDE) << 1 | (wide >> 18 & 7);

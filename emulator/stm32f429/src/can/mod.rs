@@ -43,13 +43,13 @@ const FULL: u32 = 1 << 3;
 const FOVR: u32 = 1 << 4;
 const RFOM: u32 = 1 << 5;
 
-/// The bits of a frame that are never stuffed: the delimiter of the CRC, acknowledge with its delimiter, and end of
-/// frame.
+/// The number of bits at the end of a frame that are never stuffed: the delimiter of the CRC, acknowledge with its
+/// delimiter, and end of frame.
 const TAIL_BITS: u64 = 10;
 /// The number of bits between two frames.
 const INTERMISSION_BITS: u64 = 3;
 
-/// A transmit or receive mailbox: identifier, length (with time and filter) and data.
+/// A transmit or receive mailbox: identifier, length (with time stamp and filter number) and data.
 #[derive(Clone, Copy, Debug, Default)]
 struct Mailbox {
     identifier: u32,
@@ -120,12 +120,12 @@ impl Can {
         u64::from(quanta * ((self.btr & 0x3FF) + 1)) * u64::from(cx.clocks.pclk1)
     }
 
-    /// Whether RX is recessive. In loopback the pin does not count (32.5.2). A pin that is not connected is high.
+    /// Whether RX is recessive. In loopback the pin is ignored (32.5.2). A pin that is not connected is high.
     fn hears_recessive(&self, cx: &Cx) -> bool {
         self.btr & LBKM != 0 || cx.pads.input(Signal::Can(1, CanPin::Rx)).unwrap_or(true)
     }
 
-    /// Changes the mode as software requested (32.4), after the frame that is being sent.
+    /// Enters the mode that software has requested (32.4), but not before the present frame has been sent.
     fn follow_requests(&mut self, cx: &Cx) {
         if self.sending.is_some() {
             return;
@@ -150,7 +150,7 @@ impl Can {
         let next = if self.mcr & TXFP != 0 {
             waits.min_by_key(|&nth| self.order[nth])
         } else {
-            // The lower identifier has the higher priority, and a standard one precedes an extended one with the same
+            // A lower identifier has a higher priority. A standard identifier precedes an extended one with the same
             // first bits.
             waits.min_by_key(|&nth| {
                 let identifier = self.mailboxes[nth].identifier;
@@ -214,7 +214,8 @@ impl Can {
     fn transmit_status(&self) -> u32 {
         let empty = |nth: usize| self.mailboxes[nth].identifier & TXRQ == 0;
         let empties = (0..3).map(|nth| u32::from(empty(nth)) << (26 + nth)).sum::<u32>();
-        // CODE is the next empty mailbox. If none is empty, it is the mailbox that would be sent last.
+        // CODE is the number of the next empty mailbox. If none is empty, it is that of the mailbox that would be sent
+        // last.
         let code = (0..3)
             .find(|&nth| empty(nth))
             .unwrap_or_else(|| (0..3).max_by_key(|&nth| (self.mailboxes[nth].identifier >> 3, nth)).unwrap_or(0));

@@ -3,7 +3,7 @@
 use super::*;
 use crate::rig::Rig;
 
-/// Makes a controller in loopback at 16 cycles a bit, with a mask filter that accepts all frames into FIFO 0.
+/// Returns a controller in loopback at 16 cycles a bit. A mask filter accepts all frames into FIFO 0.
 fn rig() -> Rig<Can> {
     let mut rig = Rig::new(Can::new());
     rig.write(0, INRQ);
@@ -24,7 +24,7 @@ fn a_frame_comes_back_after_its_bits_with_the_stuffed_ones() {
     rig.write(0x14, 3);
     rig.write(0x184, 1);
     rig.write(0x188, 0x55);
-    // 19 bits of identifier and control, 8 of data, 15 of CRC, and stuff bits.
+    // The frame has 19 bits of identifier and control, 8 of data, 15 of CRC, and stuff bits.
     rig.write(0x180, 0x2AA << 21 | TXRQ);
     assert_eq!(rig.read(8) >> 26, 6);
     let bits = rig.instance.mailboxes[0].stuffed_bits();
@@ -44,7 +44,7 @@ fn a_frame_comes_back_after_its_bits_with_the_stuffed_ones() {
 
 #[test]
 fn a_frame_of_zeros_is_stuffed_after_every_five_bits() {
-    // 34 zeros: SOF, identifier, RTR, IDE, r0, length 0 (19 bits) and a CRC of 15 zeros.
+    // The frame begins with 34 zeros: SOF, identifier, RTR, IDE, r0, length 0 (19 bits) and a CRC of 15 zeros.
     let frame = Mailbox::default();
     assert_eq!(frame.stuffed_bits(), 34 + 6);
 }

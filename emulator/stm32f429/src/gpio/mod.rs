@@ -8,7 +8,7 @@
 //! | Reset state | JTAG and SWD pins as in 8.3.2 |
 //! | Alternate functions | The whole of DS9405's table for the peripherals that are modelled |
 //!
-//! `registers` handles accesses to registers, and this module the pads.
+//! `registers` handles accesses to the registers, and this module models the pads.
 //!
 //! An input of a peripheral reads the pad of the pin in alternate mode with that function. If no pin has it, the
 //! peripheral's module documents what the peripheral reads.
@@ -40,25 +40,25 @@ struct Port {
     pupdr: u32,
     odr: u16,
     afr: [u32; 2],
-    /// The pins in the lock sequence of LCKR.
+    /// The pins that the lock sequence in LCKR has selected.
     lock: u16,
     lock_step: u8,
     locked: bool,
 
     signal: [u8; 16],
-    /// The pins that ODR drives. This mask and those below follow from the configuration.
+    /// The pins that ODR drives. This mask and the masks below follow from the configuration.
     output: u16,
     analog: u16,
     open_drain: u16,
     pull_up: u16,
     pull_down: u16,
-    /// The pins that a peripheral drives.
+    /// The pins that a peripheral drives, of those in alternate function mode.
     driven_by_signal: u16,
     signal_level: u16,
     /// The pins that the outside drives.
     outside: u16,
     outside_level: u16,
-    /// The pads that the port drives.
+    /// The pins whose pads the port drives.
     driven: u16,
     pulled: u16,
     level: u16,
@@ -126,10 +126,10 @@ impl Port {
 #[derive(Clone, Debug)]
 pub(crate) struct Gpio {
     ports: [Port; PORTS],
-    /// For each signal, whether its peripheral drives it (bit 1) and the level (bit 0).
+    /// For each signal, whether its peripheral drives it (bit 1), and the level (bit 0).
     signals: [u8; SIGNALS],
     pub(crate) pads: Pads,
-    /// The pins whose [`Pad`] changed, until the part reports them.
+    /// The pins whose [`Pad`] changed and which the part has yet to report.
     pub(crate) changed: Vec<(Pin, Pad)>,
     /// The pins whose level changed, as port and mask.
     pub(crate) levels_changed: Vec<(u8, u16)>,
@@ -203,7 +203,7 @@ impl Gpio {
         self.configure(port);
     }
 
-    /// Computes connections and masks again after a change of the configuration.
+    /// Computes connections and masks again after the configuration has changed.
     fn configure(&mut self, port: usize) {
         let p = &mut self.ports[port];
         p.output = fields(p.moder, 1);
@@ -302,7 +302,7 @@ impl Gpio {
         self.settle(usize::from(pin.port), now, None, out);
     }
 
-    /// Computes the port's pads and their levels after any change.
+    /// Computes the pads of a port and their levels after any change.
     #[inline]
     pub(crate) fn settle(&mut self, port: usize, now: Cycle, pc: Option<u32>, out: &mut Effects) {
         let p = &mut self.ports[port];
@@ -359,7 +359,7 @@ impl Gpio {
         }
     }
 
-    /// Reports configurations that do nothing on this part.
+    /// Reports settings of a port that have no effect on this part.
     fn look(&self, port: usize, now: Cycle, pc: Option<u32>, out: &mut Effects) {
         let p = &self.ports[port];
         let mut find = |kind, text, pin: usize| {
@@ -371,7 +371,7 @@ impl Gpio {
                 find(FindingKind::Misuse, "the package does not bring this pin out:", pin);
             }
             let function = p.function(pin);
-            // A driver may set the mode before the function, so AF0 is no finding.
+            // AF0 is no finding, because a driver may set the mode before the function.
             if mode != 2 || function == 0 || SIGNAL_OF[port][pin][function as usize] != NONE {
                 continue;
             }

@@ -18,7 +18,7 @@ impl I2c {
         }
     }
 
-    /// Whether a byte is on the wires and SCL is high at `at`.
+    /// Whether a byte is on the wires and SCL is in its high phase at `at`.
     fn is_clock_high(&self, at: Cycle) -> bool {
         let in_byte = matches!(self.step, Some((Step::Address(_) | Step::Write(_) | Step::Read, None)));
         in_byte && self.held.is_none() && (at - self.began) % self.bit() * 2 >= self.bit()
@@ -28,7 +28,7 @@ impl I2c {
         self.began + number * self.bit() + self.bit() * SAMPLED / 4
     }
 
-    /// Reacts to another device that pulls SCL low or releases SCL.
+    /// Handles that another device pulls SCL low or releases it.
     pub(super) fn clock_changed(&mut self, high: bool, cx: &mut Cx) {
         if self.cr1 & SWRST != 0 {
             return;
@@ -43,7 +43,7 @@ impl I2c {
         }
     }
 
-    /// Continues a held step, if no device holds it any more.
+    /// Continues a step that was held, if no device holds it any more.
     fn resume(&mut self, cx: &mut Cx) {
         let (scl, sda) = self.lines(cx);
         if !scl || !sda && matches!(self.step, Some((Step::Stop, _))) {
@@ -57,7 +57,7 @@ impl I2c {
         }
     }
 
-    /// Reacts to another device that pulls SDA low or releases SDA.
+    /// Handles that another device pulls SDA low or releases it.
     pub(super) fn data_changed(&mut self, high: bool, cx: &mut Cx) {
         if self.cr1 & SWRST != 0 {
             return;
@@ -71,7 +71,7 @@ impl I2c {
             self.low_since = None;
             let is_master = self.sr2 & MSL != 0;
             if scl && !is_master && self.sr2 & BUSY != 0 {
-                // This edge is a stop condition.
+                // A rise of SDA while SCL is high is a stop condition.
                 self.sr2 &= !BUSY;
                 self.start_lost |= self.cr1 & START != 0;
             }
@@ -94,7 +94,7 @@ impl I2c {
     }
 
     /// Suspends the present step: no bit is sampled until the step continues. [`I2c::began`] then holds how long the
-    /// step has lasted.
+    /// step has lasted so far.
     fn hold(&mut self, now: Cycle) {
         self.mark_low(now);
         self.held = Some(self.due.saturating_sub(now));
@@ -102,7 +102,7 @@ impl I2c {
         self.began = now.saturating_sub(self.began);
     }
 
-    /// Records which bits were sampled before `now` while SDA was held low.
+    /// Records which bits were sampled before `now`, while another device held SDA low.
     pub(super) fn mark_low(&mut self, now: Cycle) {
         let (Some(since), Some(_), None) = (self.low_since, self.step, self.held) else { return };
         for number in 0..9 {
@@ -112,8 +112,8 @@ impl I2c {
         }
     }
 
-    /// Finds the bit at which arbitration is lost while SDA is held low: the first one-bit that was not sampled before
-    /// `now`.
+    /// Finds the bit at which arbitration is lost while another device holds SDA low: the first one-bit that was not
+    /// sampled before `now`.
     pub(super) fn expect_loss(&mut self, now: Cycle) {
         if self.low_since.is_none() {
             return;
@@ -126,7 +126,7 @@ impl I2c {
         }
     }
 
-    /// Ends the present step without an event on the wires.
+    /// Drops the present step, without an event on the wires.
     pub(super) fn abandon(&mut self) {
         self.step = None;
         self.held = None;
@@ -143,7 +143,7 @@ impl I2c {
         self.goes_on = false;
     }
 
-    /// Begins a step. If another device holds a line, the device also holds the step.
+    /// Begins a step. If another device holds a line, it also holds the step.
     pub(super) fn begun(&mut self, cx: &Cx) {
         let (scl, sda) = self.lines(cx);
         self.low = 0;

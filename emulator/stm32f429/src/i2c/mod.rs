@@ -93,27 +93,28 @@ pub(crate) struct I2c {
     trise: u32,
     fltr: u32,
     data: u8,
-    /// A received byte in the shift register (BTF of a receiver).
+    /// The received byte that is still in the shift register (BTF of a receiver).
     shifted: u8,
-    /// The present step, and the bus's answer while it stretches the clock.
+    /// The present step. While the bus stretches the clock, the bus's answer is already known.
     step: Option<(Step, Option<I2cAnswer>)>,
     began: Cycle,
     low_since: Option<Cycle>,
     /// The bits of the step, from bit 0, that were sampled while SDA was held low.
     low: u16,
-    /// Whether the arbitration is lost at [`I2c::due`].
+    /// Whether [`I2c::due`] is the instant at which arbitration is lost.
     loses: bool,
-    /// The cycles that remain of a step while another device holds it by SCL or, for a stop, by SDA.
+    /// The cycles that a step has still to last while another device holds it. The device holds SCL or, for a stop,
+    /// SDA.
     held: Option<u64>,
     due: Cycle,
-    /// Whether the next byte is not acknowledged, after the DMA's EOT_1.
+    /// Whether the next byte is not acknowledged, because the DMA has signalled EOT_1.
     is_last: bool,
-    /// Whether an unexpected stop came while a start was requested. The start is then never generated.
+    /// Whether an unexpected stop came while a start was requested, so that the start is never generated.
     start_lost: bool,
     /// Whether SR1 was read, the first step of the clearing sequences.
     status_read: bool,
     held_ack: bool,
-    /// Whether the receiver acknowledged the last byte and so continues.
+    /// Whether the receiver acknowledged the last byte, so that the transfer goes on.
     goes_on: bool,
     pclk: u32,
 }
@@ -212,7 +213,7 @@ impl I2c {
         if value & PE == 0 {
             self.cr1 &= !(START | STOP | ACK);
             self.sr1 = 0;
-            // No stop ended the transfer, so BUSY stays.
+            // The transfer was cut short without a stop, so BUSY stays set.
             self.sr2 &= BUSY;
             self.abandon();
             self.start_lost = false;

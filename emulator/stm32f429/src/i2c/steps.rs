@@ -31,7 +31,7 @@ impl I2c {
             return;
         }
         let is_master = self.sr2 & MSL != 0;
-        // SCL stays low until software has cleared SB and ADDR.
+        // Until software has cleared SB and ADDR, SCL stays low.
         if self.sr1 & (SB | ADDR) != 0 {
             if self.sr1 & SB != 0 && self.cr1 & STOP != 0 {
                 self.begin(Step::Stop, from, cx);
@@ -108,7 +108,7 @@ impl I2c {
         };
         let (_, sda) = self.lines(cx);
         if step == Step::Start && !sda {
-            // SDA is already low, so no start condition can be made.
+            // Another device holds SDA low, so no start condition can be made.
             self.lose();
             return;
         }
@@ -117,7 +117,7 @@ impl I2c {
     }
 
     fn done(&mut self, step: Step, mut answer: I2cAnswer) {
-        // Another device may pull the ninth bit low, which is an acknowledge.
+        // Another device that holds the ninth bit low gives an acknowledge.
         answer.acknowledged |= self.low & 1 << 8 != 0;
         let zeros = (0..8).fold(0_u8, |zeros, bit| zeros << 1 | u8::from(self.low >> bit & 1 != 0));
         answer.data &= !zeros;

@@ -15,7 +15,7 @@ fn byte(data: u8) -> I2cAnswer {
     I2cAnswer { data, ..YES }
 }
 
-/// An I2C at 100 kHz from 16 MHz: a bit takes 160 cycles.
+/// Returns an I2C at 100 kHz from 16 MHz, so a bit takes 160 cycles.
 fn rig(answers: &[I2cAnswer]) -> Rig<I2c> {
     let mut rig = Rig::new(I2c::new(1));
     rig.connect(Signal::I2c(1, I2cPin::Scl), 1, 6);
@@ -154,7 +154,7 @@ fn a_software_reset_frees_the_bus() {
     assert_eq!((rig.read(SR1), rig.read(SR2), rig.read(0x1C)), (0, 0, 0));
 }
 
-/// Addresses a device for reading and clears ADDR, so that bytes come in.
+/// Addresses a device for reading and clears ADDR, after which bytes come in.
 fn reading(rig: &mut Rig<I2c>) {
     address(rig, 0xA1, ACK);
     rig.read(SR1);
@@ -319,7 +319,7 @@ fn a_one_pulled_to_zero_loses_arbitration_at_that_bit() {
     address(&mut rig, 0xA0, 0);
     rig.read(SR1);
     rig.read(SR2);
-    // The byte is 0001 0000. Its fourth bit is sampled after three quarters of the bit.
+    // The byte is 0001 0000. Its fourth bit is the first one, and is sampled after three quarters of the bit.
     rig.write(DR, 0x10);
     let began = rig.now;
     rig.run(began + 200);

@@ -49,7 +49,7 @@ const PLLSRC: u32 = 1 << 22;
 
 const CSSF: u32 = 1 << 7;
 
-/// Bits of `CSR`: LSI and the reset flags.
+/// Bits of `CSR` for LSI, and the reset flags.
 const LSION: u32 = 1 << 0;
 const LSIRDY: u32 = 1 << 1;
 const RMVF: u32 = 1 << 24;
@@ -80,8 +80,8 @@ const PLLSAI: usize = 6;
 /// The start-up times in nanoseconds (DS9405): LSI at most 40 µs, LSE 2 s typical, HSI at most 4 µs, HSE with a crystal
 /// 2 ms typical, PLLs 75 µs to 300 µs (taken as 200 µs).
 const START_NS: [u64; 7] = [40_000, 2_000_000_000, 4_000, 2_000_000, 200_000, 200_000, 200_000];
-/// The cycles until HSE is ready in bypass. RM0090 has six cycles for the fall of HSERDY; the rise is taken to be the
-/// same.
+/// The number of cycles until HSE is ready in bypass. RM0090 has six cycles for the fall of HSERDY; the rise is taken
+/// to be the same.
 const BYPASS_TICKS: u64 = 6;
 
 /// The rate of LSE on the NUCLEO, in hertz: a 32.768 kHz crystal.
@@ -89,7 +89,7 @@ const LSE_HZ: u64 = 32_768;
 
 const GIGA: i64 = 1_000_000_000;
 
-/// Register numbers, which are offset / 4.
+/// The numbers of the registers, which are their offsets divided by 4.
 const CR: u32 = 0;
 const PLLCFGR: u32 = 1;
 const CFGR: u32 = 2;
@@ -110,10 +110,10 @@ const LOW_POWER_BITS: [u32; 5] = [0x7EF7_97FF, 0x0000_00F1, 1, 0xF6FE_C9FF, 0x04
 const ENABLES_AFTER_RESET: [u32; 5] = [0x0010_0000, 0, 0, 0, 0];
 const LOW_POWER_AFTER_RESET: [u32; 5] = [0x7E67_97FF, 0x0000_00F1, 1, 0xF6FE_C9FF, 0x0477_7F33];
 
-/// The register and the bit that gate a peripheral's clock.
+/// The register and the bit that switch a peripheral's clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Gate {
-    /// The bus: 0 is AHB1, 1 AHB2, 2 AHB3, 3 APB1, 4 APB2.
+    /// The number of the bus: 0 is AHB1, 1 AHB2, 2 AHB3, 3 APB1, 4 APB2.
     pub(crate) bus: u8,
     pub(crate) bit: u8,
 }
@@ -154,13 +154,13 @@ pub(crate) struct Rcc {
     dckcfgr: u32,
     system: u32,
     ready_at: [Cycle; 7],
-    /// Whether the independent watchdog keeps LSI on.
+    /// Whether the independent watchdog keeps LSI switched on.
     lsi_forced: bool,
     /// Whether all clocks stand still, since HSE failed without the clock security system.
     pub(crate) stopped: bool,
     pub(crate) clocks: Clocks,
     pub(crate) clocks_changed: bool,
-    /// The reset bits that rose since the part last looked.
+    /// The reset bits that have risen since the part last took them.
     pub(crate) reset_bits: [u32; 5],
     pub(crate) backup_reset: bool,
     pub(crate) failure: bool,
@@ -254,7 +254,7 @@ impl Rcc {
             0 => self.cr & HSIRDY != 0,
             1 => self.cr & HSERDY != 0,
             2 => self.cr & PLLRDY != 0,
-            // SW = 3 is "not allowed" (7.3.3) and is ignored.
+            // The value SW = 3 is "not allowed" (7.3.3) and is ignored.
             _ => false,
         };
         if ready {

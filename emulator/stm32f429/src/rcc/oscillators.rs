@@ -16,7 +16,7 @@ impl Rcc {
         (ns.saturating_mul(self.clocks.hclk_hz / 1000) / 1_000_000).max(1)
     }
 
-    /// Starts each clock source that is switched on and not ready.
+    /// Starts each clock source that is switched on but not ready.
     pub(super) fn start(&mut self, now: Cycle) {
         let hse_source = self.hse_there && self.cr & HSEON != 0;
         let pll_source = if self.pllcfgr & PLLSRC != 0 { self.cr & HSERDY != 0 } else { self.cr & HSIRDY != 0 };
@@ -77,7 +77,7 @@ impl Rcc {
                 PLLI2S => self.cr |= PLLI2SRDY,
                 _ => self.cr |= PLLSAIRDY,
             }
-            // 7.3.4: "set by hardware when ... becomes stable and the enable is set".
+            // The flag in CIR follows 7.3.4: "set by hardware when ... becomes stable and the enable is set".
             self.cir |= (self.cir >> 8 & 1 << which) & 0x7F;
         }
         if any {
@@ -95,7 +95,7 @@ impl Rcc {
             let by_hse = self.system == 1 || self.system == 2 && self.pllcfgr & PLLSRC != 0;
             self.cr &= !(HSEON | HSERDY);
             if by_hse {
-                // 7.2.7: the system switches to HSI. The PLL is switched off if HSE drives it and the system uses it.
+                // The system switches to HSI (7.2.7). The PLL is switched off if HSE drives it and the system uses it.
                 self.cr |= HSION | HSIRDY;
                 if self.system == 2 {
                     self.cr &= !(PLLON | PLLRDY);
@@ -110,13 +110,18 @@ impl Rcc {
         self.settle(now, None, supply, out);
     }
 
+    pub(crate) fn drift_hse(&mut self, now: Cycle, ppb: i64, supply: Supply, out: &mut Effects) {
+        self.oscillators.hse_ppb += ppb;
+        self.settle(now, None, supply, out);
+    }
+
     pub(crate) fn restore_hse(&mut self, now: Cycle, supply: Supply, out: &mut Effects) {
         if self.oscillators.hse_hz.is_none() {
             self.oscillators.hse_hz = Some(8_000_000);
         }
         self.hse_there = true;
         if self.stopped && self.system != 0 {
-            // A system that stood still for lack of HSE runs again.
+            // A system that stood still because HSE had failed runs again.
             self.cr |= HSERDY;
             if self.system == 2 {
                 self.cr |= PLLRDY;

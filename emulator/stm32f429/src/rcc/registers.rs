@@ -48,7 +48,7 @@ impl Rcc {
         let mut find = |kind, text| out.notes.push(Note { kind, at: now, pc, place: "RCC", text, value: None });
         let bus = |list: &[u32; 5]| list.iter().position(|&own| own == number);
         if let Some(bus) = bus(&ENABLES) {
-            // Clock gates do not change the clock tree.
+            // A peripheral's clock enable does not change the clock tree.
             self.enables[bus] = merged(self.enables[bus]) & ENABLE_BITS[bus];
             return;
         }

@@ -19,9 +19,10 @@ impl Rate {
         }
     }
 
-    /// The cycles of `hclk` in one tick of this clock.
+    /// Returns the number of cycles of `hclk` in one tick of this clock.
     fn period_in(self, hclk: Self) -> Ratio {
-        // All factors are small: at most 2^28 Hz, 2^31 parts per billion, a multiplier of 2^9 and dividers of 2^16.
+        // The products fit, because all factors are small: at most 2^28 Hz, 2^31 parts per billion, a multiplier of 2^9
+        // and dividers of 2^16.
         let reduce = |rate: Self| {
             let common = gcd(rate.num, rate.den);
             (rate.num / common, rate.den / common)
@@ -53,7 +54,7 @@ impl Rcc {
         Some(self.source(self.pllcfgr & PLLSRC != 0)?.scaled(1, u64::from(self.pllcfgr & 0x3F)))
     }
 
-    /// The rate of a PLL's VCO in this configuration, if the PLL locks.
+    /// Returns the rate of a PLL's VCO in this configuration; `None` if the PLL does not lock.
     pub(super) fn vco(&self, config: u32) -> Option<Rate> {
         let input = self.pll_input()?;
         let times = config >> 6 & 0x1FF;

@@ -46,7 +46,7 @@ const INIT: u32 = 1 << 7;
 const ALRAF: u32 = 1 << 8;
 const WUTF: u32 = 1 << 10;
 
-/// The RTC clocks of the synchronisation between the clock domains.
+/// The number of RTC clocks that the synchronisation between the clock domains takes.
 const AGREE: u64 = 2;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,14 +76,14 @@ pub(crate) struct Rtc {
     backup: [u32; 20],
     /// The number of key bytes that software has written to WPR in order; two unlock the registers.
     key: u8,
-    /// The values of TR and DR that a read has locked.
+    /// The values of TR and DR that a read has locked until DR is read.
     locked: (Option<u32>, Option<u32>),
 
     clock: Ratio,
     origin: Cycle,
     counted: u64,
     total: u64,
-    /// The values of `total` at which INITF, RSF and WUTWF rise.
+    /// The value of `total` at which INITF rises. The next fields are those for RSF and WUTWF.
     initialises_at: u64,
     agrees_at: u64,
     wakeup_writable_at: u64,
@@ -150,7 +150,7 @@ impl Rtc {
         self.total += ticks;
         if self.total >= self.initialises_at {
             self.initialises_at = NEVER;
-            // The calendar stops at this RTC clock. Later clocks do not count for it.
+            // The calendar stops at this RTC clock, and later clocks do not count.
             self.isr |= INITF;
         } else if !self.is_initialising() {
             self.phase += ticks;
@@ -269,7 +269,7 @@ impl Rtc {
             self.initialises_at = self.total + AGREE;
         } else if value & INIT == 0 && self.isr & INIT != 0 {
             if self.is_initialising() {
-                // The written calendar begins a new second.
+                // The new calendar begins with a whole second.
                 self.phase = 0;
                 self.isr &= !RSF;
                 self.agrees_at = self.total + 2 * AGREE;
@@ -293,7 +293,7 @@ impl Rtc {
         }
         self.cr = value;
         if value & WUTE != 0 && before & WUTE == 0 {
-            // On the calendar's clock, the wake-up timer counts the calendar's seconds.
+            // If the wake-up timer uses the calendar's clock, it counts the calendar's seconds.
             let from = if value & 4 != 0 { self.total - self.phase.min(self.total) } else { self.total };
             self.wakes_at = from + self.wakeup_period();
         } else if value & WUTE == 0 {

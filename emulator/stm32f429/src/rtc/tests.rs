@@ -11,7 +11,7 @@ const WPR: u32 = 0x24;
 const SSR: u32 = 0x28;
 const SECOND: Cycle = 16_000_000;
 
-/// An RTC on LSE at 32 768 Hz, with unlocked registers.
+/// Returns an RTC on LSE at 32 768 Hz whose registers are unlocked.
 fn rig() -> Rig<Rtc> {
     let mut rig = Rig::new(Rtc::new());
     rig.change_clocks(|clocks| clocks.rtc = Ratio::new(16_000_000, 32_768));
@@ -90,7 +90,7 @@ fn an_alarm_interrupts_in_the_second_that_it_is_set_to() {
     let mut rig = rig();
     set(&mut rig, 0x12_00_00, 0x24_21_01);
     let start = rig.now;
-    // At any date, hour and minute, in second 05.
+    // The alarm matches any date, hour and minute, in second 05.
     rig.write(0x1C, 1 << 31 | 1 << 23 | 1 << 15 | 0x05);
     rig.write(CR, ALRAE | ALRAIE);
     rig.run(start + 5 * SECOND - 1000);
@@ -107,7 +107,7 @@ fn an_alarm_interrupts_in_the_second_that_it_is_set_to() {
 fn the_wake_up_timer_comes_after_its_clocks_and_again() {
     let mut rig = rig();
     rig.write(CR, 0);
-    // RTCCLK / 16 is 2048 Hz.
+    // The wake-up timer counts RTCCLK / 16, which is 2048 Hz.
     rig.write(0x14, 2047);
     rig.write(CR, WUTE | WUTIE);
     rig.run(SECOND - 1000);

@@ -33,12 +33,12 @@ impl Spi {
     }
 
     pub(super) fn edge(&self, now: Cycle) -> Cycle {
-        // A PCLK cycle is a power of two of core cycles.
+        // The frame begins at a PCLK edge. A PCLK cycle is a power of two of core cycles.
         let step = u64::from(self.pclk);
         (now + step - 1) & !(step - 1)
     }
 
-    /// Converts between a frame's bits and their order on the wire.
+    /// Converts between the bits of a frame and their order on the wire.
     fn ordered(&self, data: u16) -> u32 {
         if self.cr1 & LSBFIRST == 0 {
             u32::from(data)

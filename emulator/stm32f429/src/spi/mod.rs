@@ -129,7 +129,7 @@ impl Spi {
         if self.cr1 & DFF != 0 { 0xFFFF } else { 0xFF }
     }
 
-    /// Whether the mode only receives, so that SCK runs without data to send.
+    /// Whether the mode only receives, so that SCK runs although no data is sent.
     fn receives_only(&self) -> bool {
         if self.cr1 & BIDIMODE != 0 { self.cr1 & BIDIOE == 0 } else { self.cr1 & RXONLY != 0 }
     }
@@ -153,7 +153,7 @@ impl Spi {
         }
     }
 
-    /// Drives the pins' levels between frames.
+    /// Drives the levels that the pins have between frames.
     fn drive(&self, before: (u32, u32), cx: &mut Cx) {
         let driven = |cr1: u32| cr1 & (SPE | MSTR) == SPE | MSTR;
         let on = driven(self.cr1);
@@ -174,7 +174,7 @@ impl Spi {
     fn write_cr1(&mut self, value: u32, cx: &mut Cx) {
         let mut value = value & 0xFFFF;
         if self.sr & MODF != 0 {
-            // This write ends the clearing sequence, before which neither bit can be set.
+            // Neither bit can be set before this write, which ends the clearing sequence.
             value &= !(SPE | MSTR);
             if self.fault_read {
                 self.sr &= !MODF;
@@ -202,8 +202,8 @@ impl Spi {
         self.cr1 = value;
         self.check_mode_fault(cx);
         if before & !self.cr1 & SPE != 0 && busy && !(before & MSTR != 0 && self.receives_only()) {
-            // A mode that only receives is stopped at the end of a frame (28.3.8). Other modes must not be stopped in a
-            // frame.
+            // A receive-only mode may be stopped at the end of a frame (28.3.8). Other modes must not be stopped during
+            // a frame.
             if self.sr & MODF == 0 {
                 cx.find(FindingKind::Misuse, "disabled while a frame is under way: the frame is lost");
             }
@@ -213,7 +213,7 @@ impl Spi {
         self.begin(self.edge(cx.now));
     }
 
-    /// Whether a frame of a byte has ended and the next one has begun, so that both DMA requests are up and nothing
+    /// Whether a frame of a byte has ended and the next one has begun. Both DMA requests are then active, and nothing
     /// else is.
     #[inline]
     pub(crate) fn awaits_dma(&self) -> bool {
@@ -223,7 +223,7 @@ impl Spi {
             && self.flight.is_some()
     }
 
-    /// Reads the byte that came, as a read of DR does while [`Spi::awaits_dma`].
+    /// Returns the byte that was received, as a read of DR does while [`Spi::awaits_dma`].
     #[inline]
     pub(crate) fn take_byte(&mut self) -> u32 {
         self.sr &= !RXNE;

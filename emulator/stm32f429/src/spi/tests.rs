@@ -29,7 +29,7 @@ fn a_byte_and_its_answer_take_eight_sck_periods() {
     rig.run(101);
     rig.write(DR, 0x3C);
     assert_eq!(rig.read(SR), TXE | BSY);
-    // The next PCLK edge is at cycle 102, and a bit takes 8 PCLK cycles of 2 core cycles.
+    // The frame begins at the next PCLK edge, which is cycle 102. A bit takes 8 PCLK cycles of 2 core cycles.
     rig.run(102 + 127);
     assert_eq!(rig.read(SR), TXE | BSY);
     rig.run(102 + 128);
@@ -156,7 +156,7 @@ fn the_crc_follows_the_last_byte_and_is_checked_on_reception() {
     rig.write(0x10, 0x07);
     rig.write(CR1, MASTER | CRCEN);
     rig.write(CR1, MASTER | CRCEN | SPE);
-    // The CRC-8 of 0x31 is 0x97, so 0x96 is a wrong CRC.
+    // The byte 0x31 has the CRC-8 0x97, so 0x96 is a wrong CRC.
     rig.lines.spi_answers.extend([0x31, 0x96]);
     rig.write(DR, 0x31);
     rig.write(CR1, MASTER | CRCEN | SPE | CRCNEXT);

@@ -11,7 +11,7 @@ impl Tim {
         }
     }
 
-    /// Whether a change to `level` counts with this channel's polarity.
+    /// Whether a change to `level` counts as an edge with this channel's polarity.
     fn is_edge(&self, channel: usize, level: bool) -> bool {
         match self.ccer >> (4 * channel) & 0xA {
             0 => level,

@@ -64,7 +64,7 @@ impl Tim {
         }
     }
 
-    /// The compare values after an update. A capturing channel keeps its value.
+    /// Returns the compare values after an update. A channel that captures keeps its value.
     pub(super) fn ccr_kept(&self) -> [u32; 4] {
         std::array::from_fn(|channel| if self.is_input(channel) { self.ccr_now[channel] } else { self.ccr[channel] })
     }

@@ -6,7 +6,8 @@
 use super::*;
 
 impl Tim {
-    /// The counts to the next effect: a compare match or an end of the range. `None` if the counter stands still.
+    /// Returns the number of counts to the next effect, a compare match or an end of the range; `None` if the counter
+    /// stands still.
     fn to_next(&self) -> Option<u64> {
         let mut least = self.to_end()?;
         for channel in 0..self.channels() {
@@ -19,7 +20,7 @@ impl Tim {
         Some(least)
     }
 
-    /// The counts to the end of the range, where the counter wraps or turns.
+    /// Returns the number of counts to the end of the range, at which the counter wraps or turns.
     #[inline]
     fn to_end(&self) -> Option<u64> {
         let (cnt, arr) = (u64::from(self.cnt), u64::from(self.arr_now));
@@ -37,14 +38,14 @@ impl Tim {
         })
     }
 
-    /// The counts to a channel's match, if it comes before the end of the range.
+    /// Returns the number of counts to a channel's match, if it comes before the end of the range.
     #[inline]
     fn to_match(&self, channel: usize) -> Option<u64> {
         let (cnt, at) = (self.cnt, self.ccr_now[channel]);
         if self.down { cnt.checked_sub(at) } else { at.checked_sub(cnt) }.filter(|&d| d != 0).map(u64::from)
     }
 
-    /// Moves the counter by at most [`Tim::to_next`] counts, and handles what happens there.
+    /// Advances the counter by at most [`Tim::to_next`] counts, and handles the effect there.
     pub(super) fn count(&mut self, counts: u64) {
         let Some(end) = self.to_end() else { return };
         if counts < end {
@@ -74,7 +75,7 @@ impl Tim {
         } else {
             self.cnt = 0;
             if beyond {
-                // From beyond ARR the counter wrapped at its largest value, without a match of ARR.
+                // A counter beyond ARR has wrapped at its largest value, without a match of ARR.
                 self.arrive();
                 return;
             }
@@ -85,7 +86,7 @@ impl Tim {
 
     fn overflow(&mut self) {
         for channel in 0..self.channels() {
-            // A compare value that the counter never reaches sets its flag here (TIMx_SR, CC1IF).
+            // If the counter never reaches the compare value, the flag is set here (TIMx_SR, CC1IF).
             if !self.is_input(channel) && self.ccr_now[channel] > self.arr_now {
                 self.compare_event(channel);
             }
@@ -158,7 +159,7 @@ impl Tim {
         }
         let mut clocks = tick - self.tick + u64::from(self.prescale);
         self.tick = tick;
-        // `ends` counts ends of the range. Once everything has repeated, whole periods are skipped.
+        // `ends` is the number of ends of the range. Whole periods are skipped once all effects repeat.
         let mut ends = 0;
         loop {
             let step = u64::from(self.psc_now) + 1;
@@ -183,7 +184,7 @@ impl Tim {
             }
             if at_end {
                 ends += 1;
-                // A channel may toggle, so all repeats only after two rounds of the repetition counter.
+                // A channel may toggle, so the effects repeat only after two rounds of the repetition counter.
                 let rounds = 2 * (u64::from(self.rcr) + 1);
                 if ends > 2 * rounds {
                     let arr = u64::from(self.arr_now);
@@ -200,7 +201,7 @@ impl Tim {
         if self.div == 1 { now } else { now / self.div }
     }
 
-    /// Computes when others can observe the next effect.
+    /// Computes the instant at which others can observe the next effect.
     pub(super) fn plan(&mut self) {
         self.plan_counter();
         for end in self.dead_until {

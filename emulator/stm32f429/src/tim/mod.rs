@@ -74,7 +74,7 @@ const IRQ_CHANNELS: u32 = 1 << 3;
 const DMA_UPDATE: u32 = 1 << 0;
 const DMA_TRIGGER: u32 = 1 << 5;
 
-/// The index of the external trigger. Inputs 0 to 3 are channels 1 to 4.
+/// The index of the external trigger among the inputs. Channels 1 to 4 are inputs 0 to 3.
 const INPUT_ETR: usize = 4;
 const INPUT_BREAK: usize = 5;
 
@@ -123,7 +123,7 @@ pub(crate) struct Tim {
     bdtr: u32,
     dcr: u32,
     or: u32,
-    /// The registers as written. The values in force follow below them.
+    /// The registers as software wrote them. The values in force are in the fields below.
     psc: u32,
     arr: u32,
     rcr: u32,
@@ -134,21 +134,21 @@ pub(crate) struct Tim {
     repeat: u32,
 
     div: u64,
-    /// The clock cycle of the timer up to which the counter and the other fields were brought forward.
+    /// The timer clock cycle up to which the counter and the other fields have been calculated.
     tick: u64,
     prescale: u32,
     cnt: u32,
     down: bool,
     reference: [bool; 4],
-    /// The levels of channels 1 to 4, ETR and break.
+    /// The levels of the inputs: channels 1 to 4, ETR and break.
     inputs: [bool; 6],
     gate: bool,
-    /// The edges counted by the input prescalers of channels 1 to 4 and ETR.
+    /// The number of edges that each input prescaler has counted: channels 1 to 4 and ETR.
     edges: [u8; 5],
     requests: u32,
     burst_left: u32,
     burst_next: u32,
-    /// The number of rising edges of the trigger output that were not reported yet.
+    /// The number of rising edges of the trigger output that have not been reported yet.
     trigger_pulses: u8,
     trigger_level: bool,
     told: Outputs,
@@ -258,7 +258,7 @@ impl Tim {
         !self.is_input(channel) && self.ccer >> (4 * channel) & 5 != 0
     }
 
-    /// Raises a DMA request, and begins its burst if it has one.
+    /// Raises a DMA request. If a burst belongs to the request, the burst begins.
     #[inline]
     fn request(&mut self, line: u32) {
         self.requests |= line;
@@ -325,7 +325,7 @@ impl Peripheral for Tim {
 
     fn clocks_changed(&mut self, _: &Clocks, cx: &mut Cx) {
         self.sync(cx.now);
-        // A counter that was just enabled starts one clock later. The delay is kept.
+        // A counter that was just enabled starts one clock later, and this delay is kept.
         let ahead = self.tick - self.ticks(cx.now);
         self.div = u64::from(if matches!(self.kind.number, 1 | 8..=11) { cx.clocks.tim2 } else { cx.clocks.tim1 });
         self.tick = self.ticks(cx.now) + ahead;

@@ -3,7 +3,7 @@
 
 use super::*;
 
-/// The outputs as signals, in the order of the bits of [`Outputs`].
+/// The signals of the outputs, in the order of the bits of [`Outputs`].
 const OUTPUT_PINS: [TimPin; 7] =
     [TimPin::Ch1, TimPin::Ch2, TimPin::Ch3, TimPin::Ch4, TimPin::Ch1N, TimPin::Ch2N, TimPin::Ch3N];
 
@@ -26,7 +26,7 @@ impl Tim {
         }
     }
 
-    /// The dead time in core cycles (17.4.18). DTG counts steps of the clock that CKD divides.
+    /// Returns the dead time in core cycles (17.4.18). DTG counts steps of the clock that CKD divides.
     fn dead_time(&self) -> u64 {
         let dtg = u64::from(self.bdtr & 0xFF);
         let steps = match dtg >> 5 {
@@ -38,7 +38,8 @@ impl Tim {
         (steps << (self.cr1 >> 8 & 3).min(2)) * self.div
     }
 
-    /// Starts a dead time at each edge of a reference: one output goes off at once, and the other goes on after it.
+    /// Starts a dead time at each edge of a reference: one output goes off at once, and the other goes on when the dead
+    /// time is over.
     fn follow_dead_time(&mut self, now: Cycle) {
         let time = self.dead_time();
         for channel in 0..3 {
@@ -94,7 +95,7 @@ impl Tim {
         out
     }
 
-    /// Reports changes of the outputs, and plans the next event.
+    /// Reports the changes of the outputs, and plans the next event.
     pub(super) fn finish(&mut self, cx: &mut Cx) {
         if self.kind.advanced {
             self.follow_dead_time(cx.now);

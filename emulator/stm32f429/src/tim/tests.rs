@@ -25,8 +25,8 @@ fn rig(number: u8) -> Rig<Tim> {
     Rig::new(Tim::new(number))
 }
 
-/// The cycles up to `to` with a high interrupt output, and the enabled flags that were set. All flags are cleared each
-/// time. An unused channel's flag rises too, since its compare value is zero.
+/// Returns the cycles up to `to` at which the interrupt output is high, each with the enabled flags that were set. All
+/// flags are cleared each time. The flag of an unused channel rises too, because its compare value is zero.
 fn interrupts(rig: &mut Rig<Tim>, to: Cycle) -> Vec<(Cycle, u32)> {
     let mut seen = Vec::new();
     while rig.instance.due() <= to {
@@ -49,7 +49,7 @@ fn both_outputs_of_a_pair_are_off_during_the_dead_time() {
     rig.write(CCR1, 50);
     rig.write(CCMR1, 6 << 4);
     rig.write(CCER, 5);
-    // DTG is 10 steps of two timer clocks (CKD): 20 cycles.
+    // DTG is 10 steps of two timer clocks (CKD), which are 20 cycles.
     rig.write(BDTR, MOE | 10);
     rig.write(EGR, 1);
     rig.out.outputs.clear();
@@ -225,7 +225,7 @@ fn an_advanced_timer_drives_nothing_without_its_main_output_enable() {
     assert!(rig.out.outputs.is_empty());
     rig.write(BDTR, MOE);
     let driven: Vec<_> = rig.out.outputs.iter().map(|&(_, signal, level)| (signal, level)).collect();
-    // The counter is at 9.
+    // The counter is at 9 here.
     let pins = [(TimPin::Ch1, false), (TimPin::Ch1N, true)];
     assert_eq!(driven, pins.map(|(pin, level)| (Signal::Tim(1, pin), Some(level))));
 }
@@ -362,7 +362,7 @@ proptest::proptest! {
         rig.write(SR, 0);
         rig.write(CR1, control & 0x7E | CEN);
         rig.run(later.2);
-        // Preloaded PSC and ARR may wait for an update.
+        // PSC and ARR are preloaded, so they may wait for an update.
         rig.write(PSC, later.0);
         rig.write(ARR, later.1);
         let mut stepped = rig.clone();

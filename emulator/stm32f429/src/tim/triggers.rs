@@ -2,8 +2,8 @@
 
 use super::*;
 
-/// The timers that are ITR0 to ITR3 of a timer (RM0090 tables 93, 97, 100 and 101). TIM10, TIM11, TIM13 and TIM14
-/// provide the level of their channel.
+/// Returns the numbers of the timers that are ITR0 to ITR3 of a timer (RM0090 tables 93, 97, 100 and 101). TIM10,
+/// TIM11, TIM13 and TIM14 provide the level of their channel.
 pub(super) const fn internal_triggers(number: u8) -> Option<[u8; 4]> {
     Some(match number {
         1 => [5, 2, 3, 4],
@@ -19,7 +19,7 @@ pub(super) const fn internal_triggers(number: u8) -> Option<[u8; 4]> {
 }
 
 impl Tim {
-    /// Handles a change of an encoder line (table 98, "Counting direction versus encoder signals").
+    /// Handles a change on a line of an encoder (table 98, "Counting direction versus encoder signals").
     pub(super) fn encoder(&mut self, line: usize) {
         if self.cr1 & CEN == 0 {
             return;
@@ -114,7 +114,7 @@ impl Tim {
     pub(super) fn start(&mut self, now: Cycle) {
         if self.cr1 & CEN == 0 {
             self.cr1 |= CEN;
-            // CNT_EN follows CEN by one timer clock (17.3.4). The prescaler keeps its count.
+            // The counter starts one timer clock after CEN is set (17.3.4). The prescaler keeps its count.
             self.tick = self.ticks(now) + 1;
             self.trigger_enable();
         }

@@ -76,15 +76,15 @@ const FRACTION: u32 = 12;
 struct Wave {
     begins: Cycle,
     ends: Cycle,
-    /// The length of a bit in cycles, with [`FRACTION`] fractional bits.
+    /// The length of a bit in cycles, as a fixed-point number with [`FRACTION`] fractional bits.
     bit: u64,
-    /// The frame's bits, with the start bit at bit 0, followed by ones.
+    /// The levels of the frame's bits, with the start bit at bit 0. All bits above the frame are ones.
     levels: u32,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Sending {
-    /// The data, `None` for an idle frame.
+    /// The data of the frame; `None` for an idle frame.
     data: Option<u16>,
     ends: Cycle,
 }
@@ -100,7 +100,7 @@ pub(crate) struct Usart {
     gtpr: u32,
     tdr: u16,
     rdr: u16,
-    /// The flags that the last read of SR returned. An access to DR clears them.
+    /// The flags that the last read of SR returned. An access to DR clears these flags.
     shown: u32,
     /// The core cycles of a PCLK cycle.
     pclk: u32,
@@ -108,9 +108,9 @@ pub(crate) struct Usart {
     bit_ps: u64,
     sending: Option<Sending>,
     waves: VecDeque<Wave>,
-    /// The last waveform's bit length in picoseconds and in cycles, since the conversion is slow.
+    /// The last waveform's bit length, in picoseconds and in cycles. It is kept because the conversion is slow.
     known_bit: (u64, u64),
-    /// The cycle of the present frame's falling edge of the start bit.
+    /// The cycle at which the start bit of the present frame fell.
     receiving: Option<Cycle>,
     look_from: Cycle,
     idle_at: Cycle,
@@ -169,7 +169,7 @@ impl Usart {
 
     fn set_bit(&mut self) {
         let divider = if self.cr1 & OVER8 != 0 { (self.brr >> 4) * 8 + (self.brr & 7) } else { self.brr };
-        // 30.3.4: with USARTDIV below 1.0 there is no clock.
+        // A USARTDIV below 1.0 gives no clock (30.3.4).
         let least = if self.cr1 & OVER8 != 0 { 8 } else { 16 };
         self.bit = if divider < least { 0 } else { u64::from(divider) * u64::from(self.pclk) };
         self.bit_ps = 0;
@@ -348,7 +348,7 @@ impl Peripheral for Usart {
         {
             sending.ends = cx.now + sending.ends.saturating_sub(cx.now) * self.bit / was;
         }
-        // The line keeps its timing in seconds.
+        // The line keeps its timing in seconds, so its cycles change with the clock.
         let (new_hz, old_hz) = (u128::from(cx.clocks.hclk_hz), u128::from(old.hclk_hz.max(1)));
         let scaled = |cycles: u64| (u128::from(cycles) * new_hz / old_hz) as u64;
         let moved = |at: Cycle| {

@@ -8,10 +8,10 @@ impl Wave {
         index > 31 || self.levels >> index & 1 != 0
     }
 
-    /// The first falling edge at or after `from`.
+    /// Returns the first falling edge at or after `from`.
     fn falling(&self, from: Cycle) -> Option<Cycle> {
         let mut edges = !self.levels & (self.levels << 1 | 1);
-        // In most calls the first edge is wanted, or the frame is over.
+        // Most calls want the first edge, or come after the end of the frame. The short computation handles both.
         let at = |index: u32| self.begins + (u64::from(index) * self.bit).div_ceil(1 << FRACTION);
         if edges == 0 || at(31 - edges.leading_zeros()) < from {
             return None;
@@ -48,7 +48,7 @@ impl Usart {
         let ends = begins + ((halves * bit) >> (FRACTION + 1));
         self.waves.push_back(Wave { begins, ends, bit, levels: u32::MAX << (1 + bits) | data << 1 });
         self.find_start();
-        // A frame that comes only at its end may be sampled already.
+        // A frame is passed to the receiver only at its end, when its samples may already be due.
         while self.receiving.is_some_and(|edge| edge + self.sampled_after() <= cx.now) {
             self.finish_receiving();
         }
@@ -61,7 +61,7 @@ impl Usart {
     }
 
     fn level(&self, at: Cycle) -> bool {
-        // Frames on one line should not overlap. If two did, the low level would win.
+        // Frames on one line should not overlap. If two do, the low level wins.
         self.waves.iter().all(|wave| at < wave.begins || at >= wave.ends || wave.level(at))
     }
 
@@ -79,7 +79,7 @@ impl Usart {
         }
     }
 
-    /// Samples one bit three times. Returns its level, and whether the samples differ.
+    /// Samples one bit three times. Returns the bit's level, and whether the samples differ.
     fn sample(&self, begins: Cycle) -> (bool, bool) {
         let eighths = |n: u64| begins + self.bit * n / 16;
         let (a, b, c) = if self.cr1 & OVER8 != 0 { (8, 10, 12) } else { (15, 17, 19) };
@@ -92,15 +92,15 @@ impl Usart {
         (ones >= 2, ones == 1 || ones == 2)
     }
 
-    /// The bits of the frame that begins at `edge`: data with parity, the stop bit, and noise. `None` if the edge began
-    /// no start bit.
+    /// Returns the bits of the frame that begins at `edge`: data with parity, the stop bit, and noise. `None` if no
+    /// start bit began at the edge.
     pub(super) fn sampled(&self, edge: Cycle) -> Option<(u16, bool, bool)> {
         let bits = self.data_bits();
         if let Some(wave) = self.waves.front()
             && wave.begins == edge
             && self.waves.get(1).is_none_or(|next| next.begins >= edge + self.sampled_after())
         {
-            // If the bits drift by less than 5/16 of a bit until the stop bit, every sample lies in its own bit.
+            // If the bits drift by less than 5/16 of a bit up to the stop bit, every sample lies in its own bit.
             let drift = wave.bit.abs_diff(self.bit << FRACTION) * u64::from(bits + 2);
             if drift * 16 < (self.bit * 5) << FRACTION {
                 let word = wave.levels >> 1;

@@ -9,13 +9,13 @@ const BRR: u32 = 0x08;
 const CR1: u32 = 0x0C;
 const CR3: u32 = 0x14;
 
-/// A USART at 115 107.9 baud from 16 MHz: 139 cycles a bit.
+/// Returns a USART at 115 107.9 baud from 16 MHz, so a bit takes 139 cycles.
 fn rig() -> Rig<Usart> {
     let mut rig = Rig::new(Usart::new(4));
     rig.connect(Signal::Uart(4, UartPin::Tx), 0, 0);
     rig.write(BRR, 139);
     rig.write(CR1, UE | RE | TE);
-    // The idle frame of TE ends.
+    // The idle frame that TE sends ends here.
     rig.run(1390);
     rig
 }
@@ -64,7 +64,7 @@ fn a_frame_at_twice_the_baud_rate_arrives_wrong() {
     let mut rig = rig();
     tell(&mut rig, 2000, &UartFrame::eight_n_one(0x00, 230_400));
     rig.run(10_000);
-    // The line is low for four and a half of the receiver's bits, and rises between two samples of the fifth.
+    // The line is low for four and a half bits of the receiver. It rises between two samples of the fifth bit.
     assert_ne!(rig.read(SR) & NF, 0);
     assert_eq!(rig.read(DR), 0xF8);
 }
@@ -229,7 +229,7 @@ fn what_the_reference_sampling_gives_is_what_the_short_way_gives() {
             let mut rig = rig();
             tell(&mut rig, 2000, &UartFrame::eight_n_one(data, baud));
             let short = rig.instance.sampled(2000);
-            // A second waveform near the last sample prevents the short computation.
+            // The short computation is not used if another waveform lies near the last sample.
             let blank = Wave { begins: 2000, ends: 2000, bit: 1, levels: u32::MAX };
             rig.instance.waves.push_back(blank);
             assert_eq!(rig.instance.sampled(2000), short, "{baud} {data:#x}");

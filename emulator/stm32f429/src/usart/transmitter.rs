@@ -16,7 +16,7 @@ impl Usart {
         let ends = from + self.frame_cycles();
         self.sending = Some(Sending { data: Some(self.tdr), ends });
         if self.cr3 & HDSEL != 0 && self.is_on(RE) {
-            // In half duplex the receiver gets the sent frame.
+            // In half-duplex mode the receiver also gets the frame that is sent.
             let levels = self.levels(self.tdr);
             self.waves.push_back(Wave { begins: from, ends, bit: self.bit << FRACTION, levels });
             self.find_start();

@@ -19,7 +19,7 @@ pub const SYSCFG: u32 = 0x4001_3800;
 pub const IWDG: u32 = 0x4000_3000;
 pub const WWDG: u32 = 0x4000_2C00;
 
-/// Records what the part reports. MISO carries the complement of MOSI.
+/// Records what the part reports. On MISO it answers with the complement of MOSI.
 #[derive(Default)]
 pub struct Bench {
     pub pins: Vec<(Cycle, Pin, Pad)>,
@@ -114,14 +114,15 @@ impl Rig {
         self.wait(RCC, 1 << 17);
         self.set(RCC + 0x40, 1 << 28);
         self.set(PWR, 3 << 14);
-        // M 8, N 288, P 2, Q 6, from HSE.
+        // The PLL has M 8, N 288, P 2 and Q 6, and is driven by HSE.
         self.write(RCC + 4, 8 | 288 << 6 | 1 << 22 | 6 << 24);
         self.set(RCC, 1 << 24);
         self.wait(RCC, 1 << 25);
         self.write(FLASH, 4 | 0x700);
         self.write(RCC + 8, 5 << 10 | 4 << 13 | 2);
         self.wait(RCC + 8, 2 << 2);
-        // The clock security system, all ports, DMA1, DMA2, SPI1, SYSCFG, USART6, USART2 and WWDG.
+        // The writes switch on the clock security system, and the clocks of all ports, DMA1, DMA2, SPI1, SYSCFG,
+        // USART6, USART2 and WWDG.
         self.set(RCC, 1 << 19);
         self.set(RCC + 0x30, 0x7FF | 3 << 21);
         self.set(RCC + 0x44, 1 << 12 | 1 << 14 | 1 << 5);

@@ -1,4 +1,4 @@
-//! Implements decision 15 a second time, to be easily read and not to be fast: float64, positions in space, lists of
+//! Implements decision 15 a second time, to be easy to read instead of fast: float64, positions in space, lists of
 //! receivers, and the numbers as the decision has them.
 #![allow(dead_code, reason = "each test file uses its part of this")]
 
@@ -6,7 +6,7 @@ use std::cmp::Ordering;
 
 use horus_voter::{Fix, Input, Stated};
 
-/// What a receiver sends, before it becomes the voter's own type.
+/// What a receiver reports, before it is converted to the voter's own type.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Report {
     pub(crate) valid: bool,
@@ -128,7 +128,7 @@ const B: f64 = 6_356_752.314_245_179;
 impl Place {
     pub(crate) fn new(latitude: f64, longitude: f64, height: f64) -> Self {
         let ((sp, cp), (sl, cl)) = (latitude.to_radians().sin_cos(), longitude.to_radians().sin_cos());
-        // The radii are computed from both axes of the ellipsoid, not from its eccentricity as in the voter.
+        // This model computes the radii from both axes of the ellipsoid, while the voter uses the eccentricity.
         let root = (A * A * cp * cp + B * B * sp * sp).sqrt();
         let (equator, axis) = (A * A / root + height, B * B / root + height);
         Self {
@@ -146,7 +146,7 @@ impl Place {
         [0, 1, 2].map(|i| self.at[i] + north * self.north[i] + east * self.east[i])
     }
 
-    /// Returns the metres north and east from this place to a point, and the distance to it.
+    /// Returns the metres north and east from this place to a point, and the distance between the two.
     pub(crate) fn to(&self, point: Vector) -> (f64, f64, f64) {
         let d = minus(point, self.at);
         (dot(d, self.north), dot(d, self.east), dot(d, d).sqrt())
@@ -161,7 +161,6 @@ pub(crate) fn geodetic([x, y, z]: Vector) -> (f64, f64) {
         let middle = (low + high) / 2.0;
         let (s, c) = middle.to_radians().sin_cos();
         let root = (A * A * c * c + B * B * s * s).sqrt();
-        // The point lies north of the normal at `middle` if it is beyond that normal.
         let (foot_p, foot_z) = (A * A / root * c, B * B / root * s);
         if (z - foot_z) * c - (p - foot_p) * s > 0.0 { low = middle } else { high = middle }
     }
@@ -176,7 +175,7 @@ pub(crate) struct Opinion {
     pub(crate) position: Option<(Vector, Option<f64>)>,
     pub(crate) attitude: Option<[f64; 3]>,
     pub(crate) acceleration: Option<[f64; 3]>,
-    /// Whether some decision of the vote was so narrow that rounding may turn it.
+    /// Whether the vote was so close that rounding may change its outcome.
     pub(crate) narrow: bool,
 }
 
@@ -204,7 +203,7 @@ struct Level {
 }
 
 trait Moves: Copy {
-    /// Returns the distance from this value to `next`, and how far two receivers that agree may be apart, m.
+    /// Returns the distance from this value to `next`, and how far apart two receivers that agree may be, m.
     fn way(&self, next: &Self) -> (f64, f64);
 }
 
@@ -222,7 +221,7 @@ impl Moves for Level {
     }
 }
 
-/// The result that was shown last, and each later one that was held back and led to the next, all with their ticks.
+/// The result that was shown last, and the row of later results that are held back, each with its tick.
 #[derive(Clone, Debug)]
 struct Jumps<T> {
     shown: Option<(u32, T)>,
@@ -236,7 +235,7 @@ impl<T> Default for Jumps<T> {
 }
 
 impl<T: Moves> Jumps<T> {
-    /// Returns the part of `found` that is shown at `now`, if `may_show` allows it.
+    /// Returns `found` if it may be shown at `now`: its jump is small enough or old enough, and `may_show` is true.
     fn judge(&mut self, now: u32, found: Option<T>, may_show: bool, narrow: &mut bool) -> Option<T> {
         let Some(found) = found else {
             self.held.clear();
@@ -382,7 +381,7 @@ impl Oracle {
             members.clear();
         }
 
-        // The verdict of a tick also names the receivers that were excluded before it.
+        // The list of excluded receivers also names those that were excluded before this tick.
         let mut shown: Vec<usize> = self.excluded.iter().map(|(who, _)| *who).collect();
         let mut next = Vec::new();
         for (who, since) in &self.excluded {
@@ -437,7 +436,6 @@ fn ages(report: &[Report], candidates: &[usize]) -> Vec<f64> {
     let middle = (!candidates.is_empty()).then(|| middle(&mut candidates.iter().map(|i| lag(*i)).collect::<Vec<_>>()));
     let latency = |i: usize| {
         let off = middle.map_or(0.0, |middle| lag(i) - middle);
-        // The ages are multiples of half a millisecond, for which float64 is exact enough.
         0.050 + if off.abs() < 0.0502 { off } else { 0.0 }
     };
     report

@@ -176,7 +176,7 @@ fn an_unknown_word_that_is_too_old_is_acknowledged_as_too_old() {
 
 #[test]
 fn after_an_earlier_timestamp_a_command_waits_for_a_later_one() {
-    // A timestamp less than 2^31 ms behind is earlier; the limit of both directions is tested.
+    // A timestamp that is behind by less than 2^31 ms is earlier. The limit is tested in both directions.
     for (timestamp, is_later) in
         [(999, false), (1_001, true), (1_000 + (1 << 31), false), (1_000 + (1 << 31) - 1, true), (0, false)]
     {
@@ -232,9 +232,9 @@ fn a_damaged_or_misplaced_uplink_changes_nothing() {
 
 #[derive(Clone, Copy, Debug)]
 struct Period {
-    /// The number of uplinks written since the one that the DPR hands on; `None` if the answer is lost.
+    /// How many uplinks the writer has written since the one that the DPR hands on; `None` if the answer is lost.
     uplink: Option<usize>,
-    /// The number of periods since the hold sealed the object that the writer reads; `None` if it reads none.
+    /// How many periods ago the hold sealed the object that the writer reads; `None` if the writer reads none.
     object: Option<usize>,
     writes: bool,
     gives_up: bool,
@@ -307,7 +307,8 @@ impl Flight {
         }
     }
 
-    /// Checks that each command was executed at most once, in order, and that its acknowledgement says what was done.
+    /// Checks that each command was executed at most once and in order, and that its acknowledgement says what was
+    /// done.
     fn check(&self) {
         let executed: Vec<_> = self.hold.executed.iter().map(|(_, command)| *command).collect();
         let mut sent = self.sent.iter();

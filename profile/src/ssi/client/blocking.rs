@@ -28,11 +28,11 @@ impl<Spi: SpiDevice> Dpr<Spi> {
     ///
     /// # Errors
     ///
-    /// The error of the bus. [`Failed::report`] is then the report of a transaction without data, in which the
-    /// displayed position is older.
+    /// The error of the bus. [`Failed::report`] is then the report of a transaction without data, in which the position
+    /// has become older.
     pub fn read(&mut self, now_us: u64, fresh_us: Option<u64>) -> Result<Report, Failed<Spi::Error>> {
         self.brought = 0;
-        // The buffer has room for the longest transaction, so `begin` cannot fail.
+        // `begin` cannot fail here, because the buffer has room for the longest transaction.
         let bytes = self.client.begin(&mut self.buffer).unwrap_or(0);
         let (buffer, _) = self.buffer.split_at_mut(bytes);
         let transferred = self.spi.transaction(&mut [
@@ -56,7 +56,7 @@ impl<Spi: SpiDevice> Dpr<Spi> {
         self.client.view(brought)
     }
 
-    /// The client, through which a window is requested or an object is written.
+    /// The client, by which a window is requested or an object is written.
     pub const fn client(&mut self) -> &mut Client {
         &mut self.client
     }

@@ -14,7 +14,7 @@ pub const HOLD_FRAME_US: u32 = {
 
 /// Whether the flight controller has a Hold-Status to use.
 ///
-/// The numbers equal those of `horus_dpr_hold_shown_t` in C.
+/// The numbers of the cases equal those of `horus_dpr_hold_shown_t` in C.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum HoldShown {
@@ -22,12 +22,12 @@ pub enum HoldShown {
     Absent = 0,
     /// The last Hold-Status is unchanged for over 300 ms: it was not read again, or the hold or the DPR hangs.
     Old = 1,
-    /// There is a Hold-Status that is not old.
+    /// The flight controller has a Hold-Status that is not old.
     Valid = 2,
 }
 
 impl HoldShown {
-    /// Every case, in the order of the numbers.
+    /// All cases, in the order of their numbers.
     pub const ALL: [Self; 3] = [Self::Absent, Self::Old, Self::Valid];
 }
 
@@ -39,7 +39,7 @@ pub struct HoldReport {
     /// The last Hold-Status, if it is [valid](HoldShown::Valid). Unknown values in it are NaN.
     pub values: Option<HoldValues>,
     /// An upper bound of the age of the last Hold-Status when the transaction began, µs, counted from the first bit of
-    /// the hold's frame. [`AGE_UNKNOWN`] without a Hold-Status.
+    /// the hold's frame. Without a Hold-Status it is [`AGE_UNKNOWN`].
     pub age_us: u32,
 }
 
@@ -47,7 +47,7 @@ pub struct HoldReport {
 struct Last {
     values: HoldValues,
     read_us: u64,
-    /// The greatest possible age of this Hold-Status at `read_us`, µs.
+    /// The greatest possible age, µs, of this Hold-Status when it was read at `read_us`.
     age_us: u32,
 }
 
@@ -60,7 +60,7 @@ pub struct HoldTrack {
 }
 
 impl HoldTrack {
-    /// The state before a Hold-Status was read.
+    /// Returns the state in which no Hold-Status was read yet.
     #[must_use]
     pub const fn new() -> Self {
         Self { last: None, looked_us: None }
@@ -74,7 +74,7 @@ impl HoldTrack {
             Some(Shown::Intact(status))
                 if self.last.is_some_and(|last| last.values.timestamp == status.timestamp()) => {}
             Some(Shown::Intact(status)) => {
-                // Hold-Status was published after the previous reading, and at most [`EXPIRY_US`] ago.
+                // Hold-Status was published after the previous reading, and at most [`EXPIRY_US`] before this one.
                 let since_us = self.looked_us.and_then(|looked_us| began_us.checked_sub(looked_us));
                 let shown_us = since_us.map_or(u64::from(EXPIRY_US), |since_us| since_us.min(EXPIRY_US.into()));
                 let age_us = sum_us(HOLD_FRAME_US, shown_us);
@@ -89,7 +89,7 @@ impl HoldTrack {
         let Some(last) = self.last else {
             return HoldReport { shown: HoldShown::Absent, values: None, age_us: AGE_UNKNOWN };
         };
-        // If the clock was set back, the age is unknown.
+        // The subtraction fails if the flight controller's clock was set back. The age is then unknown.
         let since_us = began_us.checked_sub(last.read_us);
         let is_valid = since_us.is_some_and(|since_us| since_us <= EXPIRY_US.into());
         HoldReport {

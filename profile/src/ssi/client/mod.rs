@@ -116,14 +116,14 @@ impl Config {
 #[derive(Clone, Debug)]
 pub struct Client {
     config: Config,
-    /// The window of the next or the present transaction; `None` is the default window.
+    /// The window of the next or of the present transaction; `None` stands for the default window.
     window: Option<Request>,
     shown: Request,
     asked: Option<Request>,
-    /// The object to write, until the DPR is known to have received it.
+    /// The object to write, kept until the DPR is known to have received it.
     object: Option<[u8; Uplink::SIZE]>,
     object_under_way: bool,
-    /// The request of the present transaction, until the DPR is known to have received it.
+    /// The request of the present transaction, kept until the DPR is known to have received it.
     sent: Option<Request>,
     track: Track,
 }
@@ -242,7 +242,8 @@ impl Client {
         self.track.report(&self.config, brought, began_us, fresh_us)
     }
 
-    /// The window of the next or the present transaction, as far as its request has reached the DPR.
+    /// The window of the next or of the present transaction. A requested window counts once its request has reached the
+    /// DPR.
     #[must_use]
     pub fn window(&self) -> Request {
         self.window.unwrap_or(self.default_window())

@@ -6,7 +6,8 @@ pub const AGE_UNKNOWN: u32 = u32::MAX;
 
 /// The result of a transaction.
 ///
-/// The numbers equal those of `horus_dpr_verdict_t` in C, where 0 stands for a report that is not filled yet.
+/// The numbers of the verdicts equal those of `horus_dpr_verdict_t` in C, where 0 stands for a report that is not
+/// filled yet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Verdict {
@@ -21,8 +22,8 @@ pub enum Verdict {
     /// A sample that does not continue the samples before it: behind, irregular, too early or too late. It is not
     /// shown, and the search for the sequence starts.
     OutOfSequence = 4,
-    /// Link-Status is intact, but there is no Reported-Position: HORUS's frame was missed, or the DPR has lost the
-    /// sequence. Link-Status says which.
+    /// Link-Status is intact, but there is no Reported-Position. Link-Status says whether HORUS's frame was missed or
+    /// the DPR has lost the sequence.
     Empty = 5,
     /// A new sample in sequence whose position is marked invalid by HORUS or is implausible ([`range`](crate::range)).
     /// [`Report::status`] is shown without a position.

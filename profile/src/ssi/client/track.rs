@@ -24,16 +24,16 @@ pub(super) struct Brought<'a> {
 #[derive(Clone, Copy, Debug)]
 struct Sample {
     timestamp: u32,
-    /// The earliest instant, µs, at which the sample could have been read, judged by the samples before it.
+    /// The earliest instant, µs, at which the sample could have been read, judged by earlier samples.
     due_us: u64,
     read_us: u64,
-    /// The age of the sample at `read_us`, µs.
+    /// The age of the sample when it was read, at `read_us`, µs.
     age_us: u32,
 }
 
 impl Sample {
     fn age_us(&self, now_us: u64) -> u32 {
-        // If the clock was set back, the age is unknown.
+        // The subtraction fails if the flight controller's clock was set back. The age is then unknown.
         now_us.checked_sub(self.read_us).map_or(AGE_UNKNOWN, |since| sum_us(self.age_us, since))
     }
 }
@@ -47,7 +47,8 @@ pub(super) struct Track {
     /// The DPR's timestamp in the last intact Link-Status, by which its image is known, and the instant of reading it,
     /// µs.
     image: Option<(u32, u64)>,
-    /// The instant of the last reading with intact data, or of the first transaction if there was none, µs.
+    /// The instant, µs, of the last reading with intact data. Before the first such reading, it is that of the first
+    /// transaction.
     intact_us: Option<u64>,
 }
 
@@ -135,9 +136,10 @@ impl Track {
     /// The greatest possible age, µs, of the sample in an image that is read for the first time.
     fn age_us(&self, link: &LinkStatus, began_us: u64, fresh_us: Option<u64>) -> u32 {
         let units = link.values().age_100us;
-        // Link-Status rounds the age down, and its highest value stands for that age or more.
+        // The age in Link-Status is rounded down, so the true age is less than one unit above it. The highest value
+        // stands for that age or more.
         let published_us = if units == u16::MAX { AGE_UNKNOWN } else { 100 * (u32::from(units) + 1) };
-        // The image was published after the previous reading if that reading showed another image.
+        // If the previous reading showed another image, the present image was published after that reading.
         let before_us = self.image.filter(|(image, _)| *image != link.timestamp()).map(|(_, read_us)| read_us);
         let since = |instant: Option<u64>| instant.and_then(|instant| began_us.checked_sub(instant));
         let bounds = [since(fresh_us), since(before_us)];
@@ -158,7 +160,7 @@ fn due_us(last: &Sample, timestamp: u32, read_us: u64) -> Option<u64> {
     if due_us.abs_diff(read_us) > tolerance_us {
         return None;
     }
-    // A sample that is read early shows that those before it were read late. HORUS's clock may be slower by 2 %.
+    // A sample that is read early shows that earlier samples were read late. HORUS's clock may be slower by 2 %.
     Some(read_us.min(due_us.saturating_add(drift_us)))
 }
 
@@ -166,7 +168,7 @@ fn is_too_old(age_us: u32, config: &Config) -> bool {
     age_us > config.age_limit_us || age_us == AGE_UNKNOWN
 }
 
-/// The sum of `age_us` and the time since then, µs, at most [`AGE_UNKNOWN`].
+/// The sum of `age_us` and `since_us`, the time that has passed since that age, µs; at most [`AGE_UNKNOWN`].
 pub(super) fn sum_us(age_us: u32, since_us: u64) -> u32 {
     u32::try_from(u64::from(age_us).saturating_add(since_us)).unwrap_or(AGE_UNKNOWN)
 }

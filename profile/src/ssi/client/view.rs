@@ -5,14 +5,14 @@ use crate::criticality::{BaseStation, FlightController, WritesUplink};
 use crate::ssi::Request;
 use crate::{HoldStatus, Layout, LinkStatus, Object, PortStatus, Rejection, ReportedPosition, Uplink, image};
 
-/// What the bytes of one object in the map hold.
+/// What the transaction read in place of one object of the map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shown<T> {
-    /// The object, intact.
+    /// The object was read intact.
     Intact(T),
-    /// No object: every byte is 0x00 or every byte is 0xFF, as after a scrub.
+    /// There is no object: every byte is 0x00 or every byte is 0xFF, as after a scrub.
     Vacant,
-    /// Other bytes, with the reason why they are not the object.
+    /// The bytes are not the object, for this reason.
     Damaged(Rejection),
 }
 
@@ -25,7 +25,7 @@ impl<T> Shown<T> {
         }
     }
 
-    /// What `bytes` hold, where `verified` is the result of verifying them. All bytes are read, whatever they are.
+    /// Classifies `bytes`, given the result `verified` of verifying them. All bytes are read, whatever they are.
     fn new(bytes: &[u8], verified: Result<T, Rejection>) -> Self {
         let vacant = is_throughout(bytes, 0x00) | is_throughout(bytes, 0xFF);
         match verified {
@@ -68,7 +68,7 @@ impl<'a> View<'a> {
         self.window
     }
 
-    /// The bytes of the window, as many of them as were read.
+    /// The bytes of the window that were read.
     #[must_use]
     pub const fn bytes(&self) -> &'a [u8] {
         self.bytes

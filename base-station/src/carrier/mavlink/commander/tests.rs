@@ -11,14 +11,15 @@ use crate::{Bundle, Place, Who};
 const NOW: u64 = 1_790_000_000_000_000;
 const SECOND: u64 = 1_000_000;
 const STEP: u64 = 10_000;
-/// The time from a write over the SSI until the DPR hands the uplink to the hold, µs.
+/// In the test's model, the time from writing an uplink over the SSI until the DPR hands it to the hold, µs.
 const TO_DPR: u64 = 20_000;
 
 fn key() -> Key {
     Key::new([9; 32])
 }
 
-/// A station that commands a hold, over a radio that loses messages. The hold executes by the profile's own rule.
+/// A station that commands a hold over a radio that loses messages. The hold follows the profile's own rule for
+/// commands.
 struct Scene {
     now: u64,
     intake: Intake,
@@ -27,7 +28,7 @@ struct Scene {
     inbound: Inbound,
     stored: Vec<(Uplink, u64)>,
     hold: Commands,
-    /// The instant of the hold's start.
+    /// The instant at which the hold started.
     started: u64,
     executed: Vec<HoldCommand>,
     told: Vec<CommandRecord>,
@@ -184,7 +185,7 @@ fn a_restart_of_the_hold_loses_a_command_that_waits() {
     scene.command(HoldCommand::Lock).unwrap();
     scene.fly(2 * SECOND);
     assert_eq!(scene.state(), CommandState::Done);
-    // Nothing reaches the hold before its restart.
+    // The radio loses every message, and then the hold restarts. So the hold never receives the command.
     scene.loss = 100;
     scene.fly(250_000);
     scene.command(HoldCommand::Unlock).unwrap();
@@ -194,7 +195,7 @@ fn a_restart_of_the_hold_loses_a_command_that_waits() {
     assert_eq!(scene.state(), CommandState::Pending);
     scene.loss = 0;
     scene.stored.clear();
-    // One object of the hold since its restart has arrived.
+    // Within 110 ms one object of the restarted hold arrives.
     scene.fly(110_000);
     assert_eq!(scene.state(), CommandState::Lost);
     let stored = scene.stored.len();

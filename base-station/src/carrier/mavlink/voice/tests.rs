@@ -23,10 +23,10 @@ struct Scene {
     voice: Voice,
     forwarder: Forwarder,
     inbound: Inbound,
-    /// The uplink that the DPR has stored, and the instant, µs, until which the DPR shows it.
+    /// The uplink that the model of the DPR has stored, and the instant, µs, until which the DPR shows it.
     stored: Option<(Uplink, u64)>,
     port: PortValues,
-    /// The uplinks that were written over the SSI, and the instant, µs, from which on the DPR shows each.
+    /// The uplinks that were written over the SSI, each with the instant, µs, from which on the DPR shows it.
     writes: Vec<(Uplink, u64)>,
     loss: u64,
     drawn: u64,
@@ -159,7 +159,7 @@ fn without_loss_it_is_sent_once_or_twice_and_then_no_more() {
 fn what_the_dpr_does_not_store_is_refused_and_why_is_said() {
     for loss in [0, 30] {
         let mut scene = Scene::new(loss, 77);
-        // The clock of another station, whose uplink the DPR has stored, is ahead.
+        // The DPR has stored an uplink of another station, whose clock is ahead.
         let values = UplinkValues { timestamp: (NOW / 1_000) as u32 + 3_600_000, ..UplinkValues::default() };
         scene.stored = Some((Uplink::seal(Writer::<BaseStation>::claim(), &values), scene.now));
         scene.send(1);

@@ -1,12 +1,14 @@
 //! Judges whether the state that HORUS reports agrees with the pins from which HORUS reads it.
 //!
 //! This module is written from decision 18. HORUS has three inputs, each a pair of pins that HORUS samples once per
-//! cycle, within [`bounds::SAMPLED_AFTER_TICK`] after the tick. The next cycle's Reported-Position shows the state that
-//! follows from the samples. HORUS accepts a reading after three equal samples in a row. Ten samples without three
-//! equal ones in a row are a contradiction. HORUS's state is that of the most severe input that is not inactive.
+//! cycle, within [`bounds::SAMPLED_AFTER_TICK`] after the tick. HORUS accepts a reading after three equal samples in a
+//! row, and a contradiction after ten samples without three equal ones in a row.
 //!
-//! If a pair changes during the sampling, every outcome is allowed. After an irregular tick the number of samples is
-//! not known, so nothing is required until later samples determine the reading.
+//! Reported-Position shows in the next cycle the state that follows from the accepted readings: that of the most severe
+//! input that is not inactive.
+//!
+//! If the levels of an input's pins change during the sampling, the judge allows every outcome. After an irregular tick
+//! the number of samples is not known, so nothing is required until later samples make the reading certain.
 
 use std::collections::VecDeque;
 
@@ -16,9 +18,10 @@ use crate::bounds;
 
 /// The number of inputs: relay, motor cut, emergency measure.
 const INPUTS: usize = 3;
-/// The last ten samples, and two before them that may belong to a row of three, determine the reading.
+/// The number of samples that determine a reading. HORUS compares three samples in a row and waits for at most ten, so
+/// two before the last ten can still count.
 const SAMPLES: usize = 12;
-/// With more uncertain samples than this there are too many outcomes to judge.
+/// The greatest number of uncertain samples that are judged; more would have too many outcomes.
 const MOST_UNSURE: usize = 6;
 
 /// The reading of a pair of pins.
@@ -32,9 +35,10 @@ enum Says {
 #[derive(Clone, Debug)]
 struct Pair {
     now: Says,
-    /// The reading at the last tick and each later one, with the instant, ns, from which it holds.
+    /// The readings of the pair since the last tick: the one at that tick, and each later one with the instant, ns, at
+    /// which it began.
     since_tick: Vec<(u64, Says)>,
-    /// For each of the last [`SAMPLES`] samples, the readings that HORUS may have obtained.
+    /// For each of the last [`SAMPLES`] samples, the readings that HORUS may have taken.
     samples: VecDeque<Vec<Says>>,
 }
 
@@ -42,7 +46,7 @@ struct Pair {
 pub(super) struct Inputs {
     pairs: [Pair; INPUTS],
     tick: Option<u64>,
-    /// Whether `samples` has every sample since HORUS's start.
+    /// Whether `samples` contains every sample since HORUS's start.
     from_start: bool,
 }
 
@@ -54,7 +58,7 @@ impl Inputs {
     }
 
     /// Records the levels of an input's pins from the instant `at` on, ns. The pin `active` is high while the input is
-    /// active, the pin `inactive` while it is inactive.
+    /// active, and the pin `inactive` while it is inactive.
     pub(super) fn levels(&mut self, at: u64, input: usize, active: bool, inactive: bool) {
         let Some(pair) = self.pairs.get_mut(input) else { return };
         pair.now = match (active, inactive) {
@@ -73,7 +77,8 @@ impl Inputs {
         (self.tick, self.from_start) = (None, true);
     }
 
-    /// Records a tick of HORUS. Unless `irregular`, it is the first tick, or comes one cycle after the tick before.
+    /// Records a tick of HORUS. The tick is `irregular` if it is not the first and does not come one cycle after the
+    /// tick before.
     pub(super) fn tick(&mut self, at: u64, irregular: bool) {
         for pair in &mut self.pairs {
             if irregular {
@@ -122,7 +127,7 @@ impl Inputs {
     }
 }
 
-/// Returns the states that HORUS may report for these accepted readings, the most severe input first.
+/// Returns the states that HORUS may report for these accepted readings. The first input is the most severe.
 fn shown(taken: [Option<Says>; INPUTS]) -> Vec<HorusState> {
     let active = [HorusState::EmergencyFired, HorusState::MotorsCut, HorusState::SwitchedToRedundant];
     for (taken, active) in taken.into_iter().zip(active) {
@@ -135,12 +140,13 @@ fn shown(taken: [Option<Says>; INPUTS]) -> Vec<HorusState> {
     if taken.contains(&None) {
         return vec![HorusState::Starting];
     }
-    // The voted position decides between these three states.
+    // `Starting`, `Monitoring` and `PositionLost` depend on the voted position, not on an input.
     vec![HorusState::Starting, HorusState::Monitoring, HorusState::PositionLost]
 }
 
 impl Pair {
-    /// Returns the readings that HORUS may have accepted (`None` for no reading yet), or `None` if they are not known.
+    /// Returns the readings that HORUS may have accepted, `None` for no reading yet. Returns `None` alone if they are
+    /// not known.
     fn taken(&self, from_start: bool) -> Option<Vec<Option<Says>>> {
         if self.samples.iter().filter(|says| says.len() > 1).count() > MOST_UNSURE {
             return None;
@@ -154,7 +160,7 @@ impl Pair {
         }
         let mut taken = vec![];
         for sequence in sequences {
-            // A row of three with ten later samples is too old to count, and twelve samples do not contain it.
+            // Three equal samples no longer count if ten samples have followed them; twelve samples cannot hold both.
             let three = sequence.windows(3).rposition(|three| three.iter().all(|one| *one == three[0]));
             let one = match three {
                 Some(at) => Some(sequence[at]),
@@ -187,8 +193,8 @@ mod tests {
         HorusState::PositionLost,
     ];
 
-    /// Returns the states that HORUS may report at `ticks` ticks from 100 ms on, for levels of `input` from instants
-    /// (ms) on.
+    /// Returns the states that HORUS may report at each of `ticks` ticks from 100 ms on. `levels` gives the input's
+    /// pins from instants (ms) on.
     fn allowed(input: usize, levels: &[(f64, bool, bool)], ticks: u64) -> Vec<Vec<HorusState>> {
         let mut state = Inputs::new();
         let mut levels = levels.iter().peekable();
@@ -219,11 +225,12 @@ mod tests {
     #[test]
     fn an_active_input_shows_three_samples_later() {
         for (input, of) in [(0, SwitchedToRedundant), (1, MotorsCut), (2, EmergencyFired)] {
-            // The ticks of 150, 160 and 170 ms sample the change, and the tick of 180 ms shows it.
+            // The input changes before the tick at 150 ms. The ticks at 150, 160 and 170 ms sample its new level, and
+            // the tick at 180 ms shows it.
             let shown = allowed(input, &[(145.0, true, false)], 10);
             assert_eq!(shown[7], SOUND);
             assert_eq!(shown[8..], [[of], [of]]);
-            // A change between the tick and the end of the sampling may be sampled or not.
+            // The pins change after the tick and before the end of the sampling, so the sample may have either level.
             let shown = allowed(input, &[(150.1, true, false)], 10);
             assert_eq!(shown[7], SOUND);
             assert_eq!(shown[8], [Starting, Monitoring, of, HorusState::PositionLost]);
@@ -250,7 +257,7 @@ mod tests {
 
     #[test]
     fn a_settled_pair_that_chatters_is_a_contradiction_after_ten_samples() {
-        // Ticks 0 to 4 sample the pair as inactive. From tick 5 on at most two samples in a row are equal.
+        // The input is inactive at ticks 0 to 4. From tick 5 on no three samples in a row are equal.
         let chatter: Vec<(f64, bool, bool)> =
             (0..12).map(|n| (145.0 + 20.0 * f64::from(n), n % 2 == 0, n % 2 != 0)).collect();
         let shown = allowed(1, &chatter, 17);
@@ -260,7 +267,8 @@ mod tests {
 
     #[test]
     fn a_pair_with_too_many_possible_samples_is_not_judged() {
-        // From tick 5 on each change may be sampled or not. Six changes make 64 outcomes; seven are too many.
+        // From tick 5 on the input's pins may change before or after each sample. Six such samples have 64 outcomes;
+        // seven are too many to judge.
         let changes = |count: u32| -> Vec<(f64, bool, bool)> {
             (0..count).map(|n| (150.2 + 10.0 * f64::from(n), n % 2 == 0, n % 2 != 0)).collect()
         };

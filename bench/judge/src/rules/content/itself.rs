@@ -6,7 +6,7 @@
 //! | 7 | 0 if the external oscillator worked at HORUS's last start, else 1; either if that changed during the start |
 //! | 12 | 0 until HORUS's memory or program was disturbed; a first 1 stays 1 until the next start |
 //!
-//! This rule does not require that HORUS finds a fault of its memory: the log does not state where a bit was hit.
+//! HORUS is not required to find a fault of its memory, because the log does not state where a bit was hit.
 
 use profile::{ReportedStatus, ResetReason};
 
@@ -22,7 +22,7 @@ pub(super) struct Itself {
     crystal: bool,
     /// Whether the oscillator worked at HORUS's last start.
     started_with: bool,
-    /// Whether the oscillator failed, or recovered, while HORUS was starting.
+    /// Whether the oscillator failed, or recovered, during HORUS's last start.
     unsure: bool,
 }
 
@@ -62,7 +62,7 @@ impl Itself {
         (self.since, self.started_with, self.unsure) = (at, self.crystal, false);
     }
 
-    /// Returns whether HORUS's RAM kept its content over the last start.
+    /// Returns whether HORUS's RAM kept its content during the last start.
     pub(super) fn keeps_ram(&self) -> bool {
         self.reason != Some(ResetReason::PowerOn)
     }
@@ -77,7 +77,7 @@ impl Itself {
         }
     }
 
-    /// Returns, in words, what else is wrong in a Reported-Position's status.
+    /// Returns, in words, an error in a Reported-Position's status about the last reset or HORUS's memory.
     pub(super) fn wrong(&mut self, status: ReportedStatus) -> Option<String> {
         let told = status.reset_reason();
         if told.is_none() || self.reason.is_some_and(|reason| told != Some(reason)) {
@@ -179,7 +179,8 @@ mod tests {
         let crystal = |works| What::Crystal { board: Board::Horus, works };
         let reset = || What::Reset { board: Board::Horus, cause: Cause::Pin, asked: true };
         let started = bounds::START;
-        // Returns whether HORUS may report a crystal, and whether it may report that it has none.
+        // Returns after these events whether HORUS may report that it has a crystal, and whether it may report that it
+        // has none.
         let allowed = |events: Vec<(u64, What)>| {
             let mut itself = Itself::new();
             events.iter().for_each(|(at, what)| itself.take(*at, what));

@@ -2,29 +2,30 @@
 //!
 //! # How it is judged
 //!
-//! The judge finds the messages in the bytes of each receiver's line, and the instant at which each message had
-//! arrived. For each kind of message, a GPS object must show a certain message. This is the newest message that had
-//! arrived [`bounds::MESSAGE_TAKEN`] before the tick, or one that arrived later, up to [`bounds::SAMPLED_AFTER_TICK`]
-//! after the tick. Values and status are compared bit by bit. `track` determines which status bits a message of a
-//! certain age may have. HORUS may have missed a message in three cases: its line was disturbed, its bytes came before
-//! HORUS's first tick, or it lies within bytes that look like another message.
+//! The judge finds the messages in the bytes of each receiver's line, with the instant at which each message had
+//! arrived. Of each kind, a GPS object must show the newest message that had arrived [`bounds::MESSAGE_TAKEN`] before
+//! the tick. It may show a message that arrived up to [`bounds::SAMPLED_AFTER_TICK`] after the tick.
+//!
+//! A GPS object's values and status are compared bit by bit; `track` determines the status bits by the message's age.
+//! HORUS may miss a message whose line was disturbed, whose bytes came before HORUS's first tick, or that lies within
+//! bytes that look like another message.
 //!
 //! # What is not judged
 //!
-//! - An object whose timestamp does not continue that of the cycle before; rule `cycle` reports the timestamp.
-//! - Ages, for two seconds after a missing or irregular tick or after a timestamp that jumped: HORUS counts its time in
-//!   ticks.
-//! - What HORUS states about its receivers, its vote and its inputs, while [`Excuse::Content`] holds.
-//! - Reported-Position, in a cycle with a wrong or missing GPS object and in the cycle after it. Otherwise `vote`
-//!   judges Reported-Position and the bits *excluded*. HORUS's state (`inputs`) and its statements about itself
+//! - An object whose timestamp does not continue that of the cycle before is left to rule `cycle`.
+//! - Ages are not judged for two seconds after an irregular or missing tick or a jump of the timestamp, because HORUS
+//!   counts time in ticks.
+//! - While [`Excuse::Content`] holds, what HORUS states about its receivers, its vote and its inputs is not judged.
+//! - Reported-Position is not judged in a cycle with a wrong or missing GPS object, nor in the next cycle. In all
+//!   others `vote` judges it, and the bits *excluded*. HORUS's state (`inputs`) and its statements about itself
 //!   (`itself`) are judged in every cycle.
 //!
-//! No message to HORUS states the dynamic model; `models` judges it by the settings that the receiver reports in the
+//! HORUS receives no message that states a receiver's dynamic model; `models` judges the model by the settings in the
 //! log.
 //!
-//! One object is reported at most once for its values and once for its status. If both are wrong, the judge reports the
-//! status in two cases: the values are those of a message that the status calls valid, or the values are absent and the
-//! status calls no message valid. Otherwise the judge reports the values.
+//! A wrong object is reported at most once for its values and once for its status. The status is reported if the values
+//! are those of a message that HORUS may hold, or if values and status are both wrong but agree with each other.
+//! Otherwise the values are reported.
 
 mod inputs;
 mod itself;
@@ -50,33 +51,33 @@ use track::{Age, FOUND_LATE, Held, Track};
 use ubx::{Kind, Message, Reader};
 use vote::{Ram, Seen, Vote};
 
-/// The status bit of a receiver from which a message arrived within the last 250 ms.
+/// The status bit that is set while a receiver's last message is at most 250 ms old.
 const HEARD: u16 = 1 << 7;
 /// The status bit of a receiver that the voter has excluded; `vote` judges this bit.
 const EXCLUDED: u16 = 1 << 9;
-/// The lowest of the status bits that state the age of the solution.
+/// The lowest of the status bits that code the age of the solution.
 const AGE_SHIFT: u16 = 10;
-/// How long, ns, the ages of solutions are not known after an irregular tick: longer than a solution is valid.
+/// How long, ns, after an irregular tick the age of a solution is unknown. No solution stays valid for that long.
 const UNTIMED: u64 = 2_000_000_000;
 
 #[derive(Clone, Debug)]
 struct Line {
     reader: Reader,
-    /// The messages that HORUS may not have taken yet.
+    /// The messages that have arrived and that HORUS may not have processed yet.
     arriving: VecDeque<Message>,
     tracks: [Track; 3],
-    /// The instant, ns, at which the last message arrived that HORUS has certainly taken.
+    /// The instant, ns, at which the last message arrived that HORUS has certainly processed.
     heard: Option<u64>,
-    /// The latest instant, ns, at which HORUS may have found the last message that it may have taken.
+    /// The latest instant, ns, at which HORUS may have found its last message.
     may_have_heard: Option<u64>,
     solution: Option<u64>,
-    /// The instants, ns, at which the valid positions will arrive that are still crossing the line.
+    /// The instants, ns, at which valid positions will have arrived whose bytes are still on the line.
     solutions: VecDeque<u64>,
-    /// The number of bytes that a receiver on a bus has not sent yet.
+    /// The number of bytes that a receiver on a bus has yet to send.
     waiting: u64,
-    /// The instant, ns, until which HORUS may drop the bytes that it reads.
+    /// The instant, ns, until which HORUS may drop the bytes that it reads from the receiver.
     doubtful: u64,
-    /// Whether HORUS may also drop the first bytes that it reads after `doubtful`.
+    /// Whether HORUS may also drop the first bytes that it reads after the instant `doubtful`.
     unproven: bool,
 }
 
@@ -96,7 +97,8 @@ impl Line {
         }
     }
 
-    /// Allows HORUS to drop what it reads until the instant `until`, ns, and the first bytes that it reads after that.
+    /// Allows HORUS to drop the bytes that it reads until the instant `until`, ns, and the first bytes that it reads
+    /// later.
     fn doubt(&mut self, until: u64) {
         (self.doubtful, self.unproven) = (self.doubtful.max(until), true);
     }
@@ -110,8 +112,8 @@ impl Line {
     }
 
     /// Records that HORUS reads `bytes` bytes of a receiver on a bus from the instant `at` to `end`, ns. The bytes have
-    /// waited since the instant `since`, ns. Returns `Some(true)` if HORUS must use the bytes, `Some(false)` if it may,
-    /// and `None` if it must not.
+    /// waited since the instant `since`, ns. Returns whether HORUS must use the bytes (`Some(true)`), may use them
+    /// (`Some(false)`), or must not use them (`None`).
     fn read(&mut self, (at, end): (u64, u64), bytes: u64, since: u64, clean: bool) -> Option<bool> {
         self.waiting = self.waiting.saturating_sub(bytes);
         let news = clean && end <= since + bounds::NEWS;
@@ -141,7 +143,7 @@ impl Line {
         }
     }
 
-    /// Discards the messages that HORUS had taken before its restart at the instant `at`.
+    /// Discards the messages that HORUS lost by its restart at the instant `at`.
     fn forget(&mut self, at: u64) {
         self.arriving.retain(|message| message.arrived > at);
         self.tracks.iter_mut().for_each(Track::clear);
@@ -150,7 +152,8 @@ impl Line {
         self.unproven = true;
     }
 
-    /// Returns whether the receiver may have sent two messages of one kind between the GPS objects of two cycles.
+    /// Returns whether the receiver may have sent two messages of one kind in one cycle, so that GPS objects show only
+    /// the second.
     fn hurried(&self, tick: u64) -> bool {
         let by = tick + bounds::SAMPLED_AFTER_TICK;
         let newest = |kind: Kind| {
@@ -161,15 +164,15 @@ impl Line {
         Kind::ALL.into_iter().any(|kind| newest(kind) > 1)
     }
 
-    /// Returns whether HORUS may have received, by `at`, a position that the GPS objects of `tick` may lack.
+    /// Returns whether HORUS may have received, by `at`, a position that is not in the GPS objects of `tick`.
     fn heard_since(&self, tick: u64, at: u64) -> bool {
         let positions = self.arriving.iter().filter(|message| message.said.is_some_and(|it| it.0 == Kind::Position));
         positions.into_iter().any(|message| message.arrived <= at && message.arrived + bounds::MESSAGE_TAKEN > tick)
             || self.tracks[Kind::Position as usize].newest() + bounds::MESSAGE_TAKEN > tick
     }
 
-    /// Determines for each message that had arrived by `by` whether HORUS has certainly taken it. A message that began
-    /// before `first_tick` is uncertain.
+    /// Determines for each message that had arrived by `by` whether HORUS has certainly processed it. A message that
+    /// began before `first_tick` is uncertain.
     fn settle(&mut self, by: u64, first_tick: Option<u64>) {
         while let Some(message) = self.arriving.pop_front_if(|message| message.arrived <= by) {
             let Message { begun, arrived, sure, said } = message;
@@ -185,8 +188,8 @@ impl Line {
         }
     }
 
-    /// Returns the messages from which the position in a GPS object of `tick` may come, and whether the position
-    /// certainly stays valid until the next tick.
+    /// Returns the messages from which the position in a GPS object of `tick` may come. Also returns whether the
+    /// position certainly stays valid until the next tick.
     fn held(&self, tick: u64, values: &GpsValues) -> (Vec<Held>, bool) {
         let mut track = self.tracks[Kind::Position as usize].clone();
         for message in self.arriving.iter().take_while(|message| message.arrived <= tick + bounds::SAMPLED_AFTER_TICK) {
@@ -198,7 +201,7 @@ impl Line {
         (track.held(tick, numbers).collect(), track.lasts(tick, numbers))
     }
 
-    /// Returns, in words, what is wrong with the content and with the status of a GPS object of `tick`.
+    /// Returns, in words, the errors in the content and in the status of a GPS object of `tick`.
     fn faults(
         &self,
         tick: u64,
@@ -253,7 +256,7 @@ impl Line {
     }
 }
 
-/// Returns the bits of the numbers in a GPS object that come from this kind of message.
+/// Returns the bits of the three numbers in a GPS object that belong to this kind of message.
 fn numbers(kind: Kind, values: &GpsValues) -> [u64; 3] {
     match kind {
         Kind::Position => [values.latitude, values.longitude, values.altitude].map(f64::to_bits),
@@ -270,18 +273,18 @@ struct Ticks {
     last: Option<u64>,
     before: Option<u64>,
     untimed: u64,
-    /// By how many ms HORUS's timestamps are ahead of a clock that counts 10 ms for each tick.
+    /// How far, ms, HORUS's timestamps are ahead of a count of 10 ms for each tick.
     ahead: u32,
 }
 
-/// The objects of one cycle, and what was wrong with them.
+/// The objects of one cycle, and their violations.
 #[derive(Clone, Debug, Default)]
 struct Sent {
     tick: u64,
     reported: Option<ReportedValues>,
     gps: [Option<Seen>; MAX_RECEIVERS],
     blamed: bool,
-    /// Whether the cycle's timestamps do not continue those of the cycle before.
+    /// Whether the cycle's timestamps fail to continue those of the cycle before.
     misstamped: bool,
 }
 
@@ -297,7 +300,7 @@ pub struct Content {
     models: Models,
     vote: Vote,
     voter: Voter,
-    /// Whether a disturbance since HORUS's last start may have changed HORUS's vote.
+    /// Whether a disturbance may have changed HORUS's vote since HORUS's last start.
     unjudged: bool,
 }
 
@@ -361,7 +364,8 @@ impl Rule for Content {
             What::Fed { receiver, byte_ns, bytes, clean, since } => {
                 let Some(line) = self.lines.get_mut(*receiver) else { return };
                 line.pass(at);
-                // A frame ends less than two cycles after its tick, so no later object can depend on these messages.
+                // A frame ends less than two cycles after its tick, so a later frame cannot depend on messages older
+                // than that.
                 line.settle(at.saturating_sub(4 * bounds::CYCLE), self.ticks.first);
                 let taken = match since {
                     None => Some(*clean),
@@ -427,7 +431,7 @@ impl Content {
             match &object.state {
                 State::Valid { values: Values::Reported(values), .. } => {
                     voter.reported(values.status);
-                    // A profile shows the inputs that were sampled at the tick before its own.
+                    // A profile shows the inputs as sampled one tick before its own.
                     if last == Some(tick)
                         && let Some(what) = inputs.wrong(values.status.state())
                     {

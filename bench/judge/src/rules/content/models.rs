@@ -1,9 +1,11 @@
 //! Judges whether each receiver that gives HORUS a valid position navigates by the right dynamic model.
 //!
-//! A receiver states its model itself ([`What::Settings`]). A receiver whose position HORUS shows as valid must use
-//! [`bounds::DYNAMIC_MODEL`]. This is required once [`bounds::SETTINGS_TOLD`] has passed since HORUS's start or since
-//! the last change of the model, unless [`Excuse::Settings`] holds for the receiver. Each change is reported once. A
-//! receiver that states no model, such as a recorded one, is not judged.
+//! HORUS must set a receiver to [`bounds::DYNAMIC_MODEL`] if it shows the receiver's position as valid. It has
+//! [`bounds::SETTINGS_TOLD`] for this from its start or from the last change of the model, and longer while
+//! [`Excuse::Settings`] holds.
+//!
+//! Each receiver states its dynamic model in the log ([`What::Settings`]). A receiver that states none, such as a
+//! recorded one, is not judged.
 
 use crate::disturbance::Excuse;
 use crate::{Disturbances, What, bounds};
@@ -12,7 +14,8 @@ use crate::{Disturbances, What, bounds};
 pub(super) struct Models {
     /// The model of each receiver; `None` if the receiver has not stated one.
     known: Vec<Option<u8>>,
-    /// The instant, ns, since which each receiver has had a wrong model; `None` if it has not, or once reported.
+    /// The instant, ns, since which each receiver has had a wrong model; `None` if its model is right, or once
+    /// reported.
     other: Vec<Option<u64>>,
 }
 
@@ -30,8 +33,8 @@ impl Models {
         }
     }
 
-    /// Returns, once, the wrong model of a receiver (from 0) that HORUS, started at `since`, should have set right by
-    /// `at`, ns.
+    /// Returns a receiver's (from 0) wrong model if HORUS, started at `since`, should have corrected it by `at`, ns.
+    /// Each change is returned once.
     pub(super) fn wrong(&mut self, receiver: usize, at: u64, since: u64, disturbances: &Disturbances) -> Option<u8> {
         let other = self.other.get_mut(receiver)?;
         let due = (*other)?.max(since) + bounds::SETTINGS_TOLD;
@@ -49,7 +52,7 @@ mod tests {
 
     const LATE: u64 = bounds::SETTINGS_TOLD;
 
-    /// Returns the wrong model reported of GPS2 at `at`, for a HORUS that runs since `since`.
+    /// Returns the wrong model of GPS2 that is reported at `at`, if HORUS has been running since `since`.
     fn told(events: &[(u64, What)], at: u64, since: u64) -> Option<u8> {
         let (mut models, mut disturbances) = (Models::new(2), Disturbances::default());
         for (at, what) in events {

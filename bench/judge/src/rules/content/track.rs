@@ -7,24 +7,24 @@ use gnss_sim::ubx::WEEK_MS;
 use super::ubx::{Kind, MessageContent, Motion, STALE};
 use crate::bounds;
 
-/// The number of steps of the time of week from which HORUS determines a receiver's period. A lost message therefore
-/// affects the period only for a while.
+/// The number of steps of the time of week from which HORUS determines a receiver's period. A step that spans a lost
+/// message counts until this many newer steps have come.
 const STEPS: usize = 4;
-/// How long after a message's arrival, ns, HORUS may still find it in the bytes of its line.
+/// How long after a message's arrival, ns, HORUS may still find it in the bytes that it received.
 pub(super) const FOUND_LATE: u64 = 200_000_000;
-/// The greatest number of messages that are kept because each may be the last that HORUS has taken.
+/// The greatest number of messages that are kept because each may be the newest that HORUS has processed.
 const MOST_CANDIDATES: usize = 64;
 
-/// A receiver's period, as HORUS determines it (docs/design.md#validity).
+/// The period of a receiver as HORUS determines it (docs/design.md#validity).
 #[derive(Clone, Debug)]
 struct Pace {
     time_of_week: Option<u32>,
-    /// The last steps of the time of week, ms.
+    /// The last steps, ms, each between the times of week of two successive messages.
     steps: VecDeque<u32>,
 }
 
 impl Pace {
-    /// Returns the period before the receiver's first two messages: the longest allowed.
+    /// Returns the period that HORUS assumes before a receiver's first two messages: the longest allowed.
     fn new() -> Self {
         Self { time_of_week: None, steps: VecDeque::from([bounds::LONGEST_PERIOD_MS]) }
     }
@@ -32,7 +32,7 @@ impl Pace {
     fn taken(&mut self, time_of_week: u32) {
         let Some(before) = self.time_of_week.replace(time_of_week) else { return };
         let step = (time_of_week % WEEK_MS + WEEK_MS - before % WEEK_MS) % WEEK_MS;
-        // A time of week that repeats, steps back or follows too soon does not count.
+        // A step of the time of week counts only if it is forwards and not too short.
         if (bounds::SHORTEST_PERIOD_MS..WEEK_MS / 2).contains(&step) {
             if self.steps.len() == STEPS {
                 self.steps.pop_front();
@@ -41,7 +41,8 @@ impl Pace {
         }
     }
 
-    /// Records a message that HORUS may have taken. The period is uncertain until [`STEPS`] further steps are certain.
+    /// Records a message that HORUS may have missed. The period stays uncertain until [`STEPS`] further steps are
+    /// certain.
     fn doubted(&mut self) {
         let any = [bounds::SHORTEST_PERIOD_MS, bounds::LONGEST_PERIOD_MS].repeat(STEPS / 2);
         *self = Self { time_of_week: None, steps: any.into() };
@@ -60,13 +61,13 @@ struct Candidate {
     said: MessageContent,
     time_of_week: u32,
     /// The earliest and the latest instant, ns, at which the content may have been new. A message that repeats a time
-    /// of week is as old as the first message with it.
+    /// of week is as old as the first message with that time of week.
     born: (u64, u64),
     /// The earliest and the latest instant, ns, at which HORUS may have received the message.
     arrived: (u64, u64),
 }
 
-/// The possible ages, ns, of a message or position by HORUS's clock.
+/// The range of ages, ns, that a message or a position may have by HORUS's clock.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Age {
     pub(super) least: u64,
@@ -74,8 +75,8 @@ pub(super) struct Age {
 }
 
 impl Age {
-    /// Returns the age at `tick` of a message that arrived between the instants `born`, in whole milliseconds of
-    /// HORUS's clock, which may be off by 2 % without its crystal.
+    /// Returns the age at `tick` of a message that arrived between the two instants `born`. HORUS counts whole
+    /// milliseconds, and without its crystal its clock may be off by 2 %.
     pub(super) fn at(tick: u64, born: (u64, u64)) -> Self {
         let (least, most) = (tick.saturating_sub(born.1 + bounds::MESSAGE_TAKEN), tick.saturating_sub(born.0));
         let off = |age: u64| age / (bounds::CYCLE / bounds::TICK_TOLERANCE) + 1_000_000;
@@ -86,26 +87,27 @@ impl Age {
         Self { least: self.least + by, most: self.most + by }
     }
 
-    /// Returns whether the age may be within, and whether it may exceed, a limit between `least` and `most`, ns.
+    /// Returns two answers about a limit that lies between `least` and `most`, ns: whether the age may be within it,
+    /// and whether the age may exceed it.
     pub(super) fn within(self, least: u64, most: u64) -> [bool; 2] {
         [self.least <= most, self.most > least]
     }
 }
 
-/// A message whose position a GPS object shows, as of a tick.
+/// A message whose position a GPS object shows at a certain tick.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Held {
     pub(super) motion: Motion,
     pub(super) age: Age,
-    /// The time, ns, from the message's time of week to the tick, modulo a week. The judge's clock begins at an
-    /// arbitrary instant, so only differences between receivers are meaningful.
+    /// The time, ns, from the message's time of week to the tick, modulo a week. The judge's clock has an arbitrary
+    /// zero, so only differences between receivers count.
     pub(super) since_epoch: i64,
 }
 
 pub(super) const WEEK: i64 = WEEK_MS as i64 * 1_000_000;
 
 impl Held {
-    /// Returns the same message as of a tick `by` ns later.
+    /// Returns this message as it looks at another tick, `by` ns later.
     pub(super) fn later(self, by: u64) -> Self {
         Self { age: self.age.later(by), since_epoch: (self.since_epoch + by as i64) % WEEK, ..self }
     }
@@ -114,13 +116,13 @@ impl Held {
 /// Whether a GPS object agrees with the messages that it may show.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Agreement {
-    /// Whether values and status agree with one message.
+    /// Whether values and status agree with one and the same message.
     pub(super) both: bool,
-    /// Whether the values agree with a message.
+    /// Whether the values agree with a message that HORUS may hold.
     pub(super) values: bool,
-    /// Whether the status agrees with a message.
+    /// Whether the status agrees with a message that HORUS may hold.
     pub(super) status: bool,
-    /// Whether the values are the numbers of a message, even of one that is not valid.
+    /// Whether the values are the numbers of a message, valid or not.
     pub(super) raw: bool,
 }
 
@@ -128,7 +130,7 @@ pub(super) struct Agreement {
 pub(super) struct Track {
     kind: Kind,
     candidates: Vec<Candidate>,
-    /// Whether HORUS may hold no message, or only one that is too old to matter.
+    /// Whether HORUS may hold no message, or only one that is too old to count.
     none: bool,
     pace: Pace,
 }
@@ -152,13 +154,13 @@ impl Track {
         self.pace.taken(time_of_week);
     }
 
-    /// Records a message that HORUS has either taken or missed for good.
+    /// Records a message of which HORUS has by now decided whether to use it.
     pub(super) fn doubted(&mut self, time_of_week: u32, said: MessageContent, arrived: u64) {
         self.possible(time_of_week, said, (arrived, arrived + FOUND_LATE));
         self.pace.doubted();
     }
 
-    /// Records a message that HORUS may have taken by now. It does not count for the period yet.
+    /// Records a message that HORUS may have found by now. The message does not yet count for the period.
     pub(super) fn arriving(&mut self, time_of_week: u32, said: MessageContent, arrived: u64) {
         self.possible(time_of_week, said, (arrived, arrived));
     }
@@ -188,13 +190,13 @@ impl Track {
             .unwrap_or(arrived)
     }
 
-    /// Returns the latest instant, ns, at which the newest possible message can have arrived; 0 without a message.
+    /// Returns the latest instant, ns, at which HORUS's newest message can have arrived; 0 without a message.
     pub(super) fn newest(&self) -> u64 {
         self.candidates.iter().map(|candidate| candidate.arrived.1).max().unwrap_or(0)
     }
 
-    /// Returns the motion and the age of the position in a GPS object of `tick`, for each message with these values. Of
-    /// a repeated time of week, HORUS may count the age from the first message or from the repeated one.
+    /// Returns, for each message with these values, the motion and the age of the position in a GPS object of `tick`.
+    /// If messages repeat a time of week, HORUS may count the age from the first or from a repeated one.
     pub(super) fn held(&self, tick: u64, values: [u64; 3]) -> impl Iterator<Item = Held> {
         let shows = move |candidate: &&Candidate| candidate.said.motion.is_some() && candidate.said.values == values;
         self.candidates.iter().filter(shows).filter_map(move |Candidate { said, time_of_week, born, arrived }| {
@@ -218,8 +220,8 @@ impl Track {
         })
     }
 
-    /// Returns whether a GPS object of `tick` may state `code` as the age of its solution. Unless `timed`, HORUS's
-    /// ticks are irregular, and the code need only say whether there is a solution.
+    /// Returns whether a GPS object of `tick` may state `code` as the age of its solution. If `timed` is false, HORUS's
+    /// ticks are irregular, and `code` need only say whether there is a solution.
     pub(super) fn may_tell_age(&self, tick: u64, timed: bool, code: u64) -> bool {
         let is_of = |candidate: &Candidate| {
             let age = Age::at(tick, candidate.born);
@@ -229,8 +231,8 @@ impl Track {
         (self.none && code == bounds::AGE_NEVER) || self.candidates.iter().any(is_of)
     }
 
-    /// Compares a GPS object of `tick` with the messages that it may show. Unless `timed`, HORUS's ticks are irregular,
-    /// and the messages may have any age.
+    /// Compares a GPS object of `tick` with the messages that it may show. If `timed` is false, HORUS's ticks are
+    /// irregular, and the messages may have any age.
     pub(super) fn agreement(&self, tick: u64, timed: bool, status: u16, values: [u64; 3]) -> Agreement {
         let status = status & self.kind.mask();
         let mut agreement = Agreement::default();

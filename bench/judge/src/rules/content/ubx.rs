@@ -10,7 +10,7 @@ use profile::{ABSENT_F32, ABSENT_F64};
 
 use crate::bounds;
 
-/// The longest message, bytes, that HORUS certainly receives; HORUS's buffer has 256 bytes.
+/// The length of the longest message, bytes, that HORUS certainly receives; its buffer has 256 bytes.
 const LONGEST: usize = 256;
 
 /// The numbers of one message, and the status bits that follow from it.
@@ -18,9 +18,9 @@ const LONGEST: usize = 256;
 pub(super) struct MessageContent {
     /// The status bits of a GPS object while the message is young enough.
     pub(super) status: u16,
-    /// The numbers, as bits, of a GPS object while the message is young enough; NaN for a number that is not valid.
+    /// The numbers that a GPS object shows while the message is young enough, as bits. An invalid number is NaN.
     pub(super) values: [u64; 3],
-    /// The numbers, as bits, that the message states, valid or not.
+    /// The numbers that the message itself states, valid or not, as bits.
     pub(super) raw: [u64; 3],
     /// The velocity and accuracy; `None` without a valid position.
     pub(super) motion: Option<Motion>,
@@ -82,7 +82,7 @@ impl Kind {
         }
     }
 
-    /// Returns the bits of the NaN for an absent number of this kind of message.
+    /// Returns the bits of the NaN that stands for an absent number of this kind of message.
     pub(super) const fn absent(self) -> u64 {
         match self {
             Self::Position => ABSENT_F64.to_bits(),
@@ -101,7 +101,8 @@ pub(super) struct Message {
     pub(super) begun: u64,
     /// The instant, ns, at which the message's last byte had arrived.
     pub(super) arrived: u64,
-    /// Whether HORUS must have read the message: undisturbed, and not within what looks like a longer message.
+    /// Whether HORUS must have received the message. It need not if the line was disturbed or the bytes may belong to a
+    /// longer message.
     pub(super) sure: bool,
     /// The kind, the time of week (ms) and the content; `None` for a kind that HORUS does not read.
     pub(super) said: Option<(Kind, u32, MessageContent)>,
@@ -116,19 +117,19 @@ struct Crossing {
 
 #[derive(Clone, Debug, Default)]
 pub(super) struct Reader {
-    /// The bytes from the first one that may begin an incomplete message.
+    /// The received bytes from the first one that may begin an incomplete message.
     bytes: Vec<u8>,
     crossings: Vec<Crossing>,
-    /// The instant, ns, at which the last byte had arrived.
+    /// The instant, ns, at which the last byte of the line had arrived.
     last: Option<u64>,
-    /// The number of bytes at the beginning of `bytes` in which HORUS may find messages late or never. These bytes may
-    /// belong to an earlier message with a wrong checksum.
+    /// The number of bytes at the beginning of `bytes` in which HORUS may find messages late or not at all, because
+    /// they may belong to an earlier message with a wrong checksum.
     doubtful: usize,
 }
 
 impl Reader {
-    /// Processes `bytes`, which begin at the instant `at`, ns, and take `byte_ns` each; `clean` means undisturbed.
-    /// Passes each message that ends within these bytes to `found`.
+    /// Processes `bytes`, of which the first begins at the instant `at`, ns, and each takes `byte_ns`. `clean` means
+    /// that the line was undisturbed. Passes each message that ends within `bytes` to `found`.
     pub(super) fn feed(&mut self, at: u64, byte_ns: u64, bytes: &[u8], clean: bool, mut found: impl FnMut(Message)) {
         if self.last.is_some_and(|last| at > last + bounds::SILENCE_ENDS) {
             self.bytes.clear();
@@ -142,7 +143,8 @@ impl Reader {
 
         self.last = self.crossings.last().map(|byte| byte.to).or(self.last);
 
-        // HORUS may wait in vain for the end of a wrong message (`doubtful`), or of an incomplete one (`waiting`).
+        // After a wrong message (`doubtful`) or an incomplete one (`waiting`), HORUS may wait for bytes that never
+        // come.
         let (mut doubtful, mut waiting) = (self.doubtful, 0);
         let (mut open, mut start) = (None, 0);
         while let Some(rest) = self.bytes.get(start..).filter(|rest| !rest.is_empty()) {
@@ -187,7 +189,7 @@ enum Claim {
     None,
     /// An incomplete message of at least this many bytes.
     Open(usize),
-    /// A message of this many bytes that is too long for HORUS, or whose checksum is wrong. HORUS waits for its end.
+    /// A message of this many bytes whose checksum is wrong, or that is too long for HORUS. HORUS waits for its end.
     Wrong(usize),
     /// A complete message of this many bytes.
     Right(usize),
@@ -203,7 +205,7 @@ impl Claim {
                 match bytes.get(SYNC.len()..length) {
                     _ if length > LONGEST => Self::Wrong(LONGEST),
                     None => Self::Open(length),
-                    // Zeros alone have a right checksum, but no message has class 0.
+                    // A row of zeros has a right checksum but is no message, because no message has class 0.
                     Some(checked) => match checked.split_last_chunk::<2>() {
                         Some((covered, sum)) if checksum(covered) == *sum && checked[0] != 0 => Self::Right(length),
                         _ => Self::Wrong(length),
@@ -237,7 +239,7 @@ fn said(message: &[u8]) -> Option<(Kind, u32, MessageContent)> {
                 // A 2D fix has no altitude.
                 && (fix == 2 || bounds::ALTITUDE_MM.contains(&height))
                 && motion.is_credible(fix);
-            // One division of two exact numbers gives the nearest float64.
+            // The division of two exact numbers is rounded once, to the nearest float64.
             let altitude = if fix == 2 { ABSENT_F64 } else { f64::from(height) / 1e3 };
             let raw = [f64::from(latitude) / 1e7, f64::from(longitude) / 1e7, altitude].map(f64::to_bits);
             let values = if valid { raw } else { [ABSENT_F64.to_bits(); 3] };

@@ -1,10 +1,10 @@
-//! Keeps the extremes of series of times, and judges the jitter between two starts of HORUS.
+//! Keeps the least and the greatest value of each series of times, and judges the jitter between two starts of HORUS.
 
 use profile::Layout;
 
 use crate::{Context, Findings, Span, Violation, bounds};
 
-/// A value, and the instant, ns, at which it occurred.
+/// A time, and the instant, ns, at which it occurred.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Sample {
     value: u64,
@@ -32,11 +32,12 @@ impl Series {
         self.extremes.map(|(min, max)| Span { min: min.value, max: max.value })
     }
 
-    /// Returns the span and the extreme farther from the mean; `None` for a spread of at most `bound`.
+    /// Returns the span of the times, and the least or the greatest time, whichever is farther from the mean. Returns
+    /// `None` if the span is at most `bound`.
     fn beyond(&self, bound: u64) -> Option<Outlier> {
         let (min, max) = self.extremes?;
         let span = self.span().filter(|span| span.width() > bound)?;
-        // This compares mean - min with max - mean in whole numbers.
+        // The mean's distances from the least and the greatest value are compared in whole numbers.
         let low = 2 * self.sum > u128::from(self.count) * u128::from(min.value + max.value);
         Some(Outlier { span, at: if low { min.at } else { max.at }, bound })
     }
@@ -49,7 +50,7 @@ struct Outlier {
     bound: u64,
 }
 
-/// The times that may vary only a little; the first and the second frame of a cycle have separate series.
+/// The times whose jitter is judged. The first and the second frame of a cycle have separate series.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Jitter {
     pub(super) ticks: Series,
@@ -67,8 +68,8 @@ pub(super) struct Worst {
 impl Worst {
     /// Judges the jitter since HORUS's last start, at its next start or the end of the run.
     ///
-    /// A transmit command that scatters makes its frame scatter. Therefore only the first of tick, command and air that
-    /// exceeds its bound is reported. The time between cycles is not judged, since it scatters at least as much.
+    /// A late tick also makes its command and its frame late. Of tick, command and air, only the first whose spread
+    /// exceeds its bound is therefore reported. The time between cycles scatters at least as much and is not judged.
     pub(super) fn start_over(&mut self, jitter: &Jitter, layout: Layout, context: &Context) {
         let command = if context.worst_case() {
             bounds::TICK_TO_COMMAND_JITTER_PESSIMISTIC
@@ -102,7 +103,7 @@ impl Worst {
     }
 }
 
-/// Keeps the greater outlier in `worst`. Returns whether `new` is an outlier.
+/// Keeps the outlier with the greater span in `worst`. Returns whether `new` is an outlier.
 fn note(worst: &mut Option<Outlier>, new: Option<Outlier>) -> bool {
     if let Some(new) = new
         && worst.is_none_or(|worst| worst.span.width() < new.span.width())

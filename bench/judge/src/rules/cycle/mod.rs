@@ -18,8 +18,8 @@
 //! - If the field drops, no frame is required until the end of the cycle in which the field comes back. HORUS may
 //!   switch the field off within [`bounds::FIELD_RECOVERY`] after a lost frame, to bring its front end up again. Then
 //!   only the lost frame is reported.
-//! - While [`Excuse::Sending`] holds, missing frames, broken frames, commands without frames and a dropped field are
-//!   not reported. What HORUS sends is still judged.
+//! - While [`Excuse::Sending`] holds, missing frames, broken frames, frames of a wrong length, commands without frames
+//!   and a dropped field are not reported. What HORUS sends is still judged.
 //! - From the instant at which the bench stops HORUS's core until HORUS's next start, no ticks, commands and frames are
 //!   required. A frame begun or commanded before may break off or not come, and the field may go off. What HORUS sends
 //!   is still judged, and so are the ticks of HORUS's timer. What was missing before the hang is reported, since the
@@ -45,17 +45,17 @@ use crate::read::{Frame, State};
 use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
 use jitter::{Jitter, Series, Worst};
 
-/// How long, ns, after a reset chip select may rise because of the reset: some clock cycles of HORUS's 144 MHz.
+/// How long, ns, after a reset chip select may rise because of the reset: some cycles of HORUS's 144 MHz clock.
 const LETS_GO: u64 = 100;
 
 #[derive(Clone, Copy, Debug)]
 struct Command {
     at: u64,
-    /// Whether the command's frame may be missing, because the field was off during the frame or HORUS hung.
+    /// Whether the frame that was commanded may be missing, because the field was off or HORUS hung.
     cut_off: bool,
 }
 
-/// The numbers, from 1 at HORUS's start, that a tick may have: several only after a missing or irregular tick.
+/// The possible numbers of a tick, from 1 at HORUS's start. There are several only after a missing or irregular tick.
 #[derive(Clone, Copy, Debug, Default)]
 struct Number {
     least: u64,
@@ -63,9 +63,9 @@ struct Number {
 }
 
 impl Number {
-    /// Returns whether a cycle with one of these numbers has this timestamp (ms). If so, drops the other numbers.
+    /// Returns whether a tick with one of these numbers has this timestamp (ms). If so, the other numbers are dropped.
     fn is_stamped(&mut self, timestamp: u32) -> bool {
-        // The number and the timestamp wrap together, after 2^32 ms.
+        // The number of the tick and the timestamp wrap together, after 2^32 ms.
         let least = (self.least * u64::from(CYCLE_MS)) as u32;
         let ahead = timestamp.wrapping_sub(least);
         let steps = u64::from(ahead / CYCLE_MS);
@@ -83,11 +83,11 @@ struct Tick {
     number: Number,
     /// Whether the cycle has a violation.
     blamed: bool,
-    /// Whether frames may be missing, because the field was off in the cycle or HORUS hung.
+    /// Whether the cycle's frames may be missing, because the field was off or HORUS hung.
     cut_off: bool,
-    /// For each frame, the instants, ns, of its command and of its first preamble bit.
+    /// For each frame of the cycle, the instants, ns, of its command and of its first preamble bit.
     frames: [Option<(u64, u64)>; 2],
-    /// The number of frames with a violation, which are not among `frames`.
+    /// The number of frames with a violation, which `frames` does not contain.
     others: usize,
 }
 
@@ -99,9 +99,9 @@ impl Tick {
 
 #[derive(Clone, Copy, Debug)]
 enum Missing {
-    /// The instant of the tick before the missing one; `None` if the first tick after the start is missing.
+    /// The last tick before the missing one, ns; `None` if the first tick after the start is missing.
     Tick { after: Option<u64> },
-    /// The instant of the cycle's tick, the number of frames sent, and the number required.
+    /// The cycle's tick, ns, the number of frames sent, and the number required.
     Frames { of: u64, sent: usize, wanted: usize },
 }
 
@@ -123,10 +123,11 @@ struct Run {
     back: Option<u64>,
     /// The instant, ns, at which a frame was last lost.
     lost: Option<u64>,
-    /// The instant, ns, at which the last cycle's first frame began; `None` if that cycle had a violation.
+    /// The instant, ns, at which the first frame of the last cycle began; `None` if that cycle had a violation.
     led: Option<u64>,
     jitter: Jitter,
-    /// What is missing since the last frame, and since when; reported once a hang of HORUS is ruled out.
+    /// What is missing since the last frame, with its instant. It is reported when it is certain that HORUS has not
+    /// hung.
     missing: Vec<(u64, Missing)>,
 }
 
@@ -150,7 +151,7 @@ impl Run {
         }
     }
 
-    /// Returns the tick, the last or the last but one, of a command or frame that began at the instant `began`.
+    /// Returns the tick to which a command or frame begun at the instant `began` belongs: the last or the last but one.
     fn tick_of(&mut self, began: u64) -> Option<&mut Tick> {
         self.tick.iter_mut().chain(&mut self.before).find(|tick| began >= tick.at)
     }
@@ -206,7 +207,7 @@ impl Rule for Cycle {
                 self.cut_off(event.at);
             }
             What::Tick => self.tick(event.at, disturbances, findings),
-            // A reset makes chip select rise, so this rise is no command.
+            // A reset makes chip select rise, which is not the end of a transmit command.
             What::Command if event.at < self.run.since + LETS_GO => {}
             What::Command => {
                 let cut_off = self.run.dropped || self.run.hung;
@@ -245,7 +246,7 @@ impl Rule for Cycle {
 }
 
 impl Cycle {
-    /// Records what should have come before `now` as missing.
+    /// Records as missing what should have come before `now`.
     fn pass(&mut self, now: u64, disturbances: &Disturbances, findings: &mut Findings) {
         let run = &mut self.run;
         if !run.powered {
@@ -332,11 +333,11 @@ impl Cycle {
         });
     }
 
-    /// Ends the present cycle at the next tick, `now`, which came in time or not (`in_time`).
+    /// Ends the present cycle at the next tick, `now`. `in_time` says whether that tick came in time.
     fn close(&mut self, now: u64, in_time: bool) {
         let run = &mut self.run;
         let Some(tick) = &mut run.tick else { return };
-        // A frame that is still on the air is not in the log yet.
+        // A frame is logged only at its end, so the last frame of the cycle may still be on the air.
         let under_way = run.commands.iter().filter(|command| command.at >= tick.at).count();
         let (sent, wanted) = (tick.sent(), self.layout.frames());
         if in_time && !tick.cut_off && sent + tick.others + under_way < wanted {
@@ -396,7 +397,7 @@ impl Cycle {
         }
     }
 
-    /// Records that the commands and frames under way at the instant `at` may be cut off.
+    /// Records that a restart or a loss of the field at the instant `at` may cut off the commands and frames under way.
     fn cut_off(&mut self, at: u64) {
         if let Some(tick) = &mut self.run.tick {
             tick.cut_off = true;
@@ -419,7 +420,7 @@ impl Cycle {
         let command = self.command_of(started, disturbances, findings);
         let run = &mut self.run;
         if !whole && !run.field {
-            // HORUS's field went off during the frame.
+            // HORUS's field went off while the frame was on the air.
             return;
         }
         run.field |= whole;
@@ -443,6 +444,10 @@ impl Cycle {
             findings.add(Violation::FrameWithoutCommand, at, || format!("the one that began at {}", ms(started)));
             return others(run);
         };
+        if frame.number.is_none() && disturbances.excuse(Excuse::Sending, at) {
+            // A register of the front end that has the frame's length may be wrong.
+            return others(run);
+        }
         let Some(number) = frame.number else {
             let length = frame.payload.len();
             findings
@@ -468,7 +473,8 @@ impl Cycle {
         }
     }
 
-    /// Returns the instant of the command of the frame begun at `started`. Reports earlier commands without a frame.
+    /// Returns the instant of the command that started the frame begun at `started`. Reports earlier commands without a
+    /// frame.
     fn command_of(&mut self, started: u64, disturbances: &Disturbances, findings: &mut Findings) -> Option<u64> {
         let given = self.run.commands.iter().take_while(|command| command.at <= started).count();
         let mut own = None;
@@ -484,12 +490,12 @@ impl Cycle {
     }
 }
 
-/// Returns the instant, ns, by which a command's frame must have ended.
+/// Returns the instant, ns, by which the frame of a command must have ended.
 const fn whole_by(command: &Command) -> u64 {
     command.at + bounds::COMMAND_TO_AIR + bounds::FRAME_LONGEST
 }
 
-/// Judges the objects of a frame in a cycle with one of these numbers. Returns whether all are right.
+/// Judges the objects of a frame whose cycle may have each of these numbers. Returns whether all are right.
 fn objects_are_right(at: u64, frame: &Frame, number: &mut Number, findings: &mut Findings) -> bool {
     let mut right = true;
     for object in &frame.objects {
@@ -501,7 +507,8 @@ fn objects_are_right(at: u64, frame: &Frame, number: &mut Number, findings: &mut
         right = false;
         findings.add(Violation::SentInvalid, at, || format!("object {} at {}: {why}", object.index, ms(at)));
     }
-    // Rule `content` compares Reported-Position's timestamp with those of the GPS objects, which are judged here.
+    // The timestamps of the GPS objects are judged first. If they are right and Reported-Position's is not, rule
+    // `content` reports it.
     let mut against = false;
     for object in frame.objects.iter().rev() {
         let Some(timestamp) = object.timestamp().filter(|_| object.index > 0 || !against) else { continue };

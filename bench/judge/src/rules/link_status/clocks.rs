@@ -5,23 +5,23 @@ use std::collections::VecDeque;
 use crate::bounds;
 use crate::expectation::{Certainty, Delivery};
 
-/// How long, ns, the DPR may take to notice a change of HORUS's clock: two comparisons, each of at most a second and a
-/// step.
+/// How long, ns, the DPR may take to notice a change of HORUS's clock: two comparisons, each over at most a second and
+/// one step.
 const NOTICED: u64 = 2 * (bounds::CLOCK_WINDOW + (bounds::MAX_MISSED as u64 + 1) * bounds::CYCLE) + 100_000_000;
 
-/// The cycles of about the last second, over which HORUS's clock is compared with the DPR's.
+/// The samples of about the last second, by which HORUS's clock is compared with the DPR's.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Clocks {
     /// The timestamp, ms, of each cycle, and the instant, ns, of its sample.
     samples: VecDeque<(u32, u64)>,
-    /// The instant, ns, of the last cycle at which the clocks may have disagreed over the last second.
+    /// The instant of the last cycle, ns, at which HORUS's clock may have differed from the DPR's over the last second.
     disagreed: Option<u64>,
-    /// The instant, ns, of the last cycle at which the clocks may have agreed over the last second.
+    /// The instant of the last cycle, ns, at which HORUS's clock may have agreed with the DPR's over the last second.
     agreed: u64,
 }
 
 impl Clocks {
-    /// Returns whether Link-Status calls HORUS's clock implausible after this frame.
+    /// Returns whether Link-Status must call HORUS's clock implausible after this frame.
     pub(super) fn frame(&mut self, frame: &Delivery) -> Certainty {
         let Some(timestamp) = frame.timestamp else { return self.said(frame.sampled) };
         let second = self.samples.back().is_some_and(|(last, _)| *last == timestamp);
@@ -32,7 +32,7 @@ impl Clocks {
             self.samples.push_back((timestamp, frame.sampled));
             self.compare();
         } else if frame.received == Certainty::Must {
-            // Without a sequence, Link-Status does not call HORUS's clock implausible.
+            // The clocks are compared only while a sequence is found.
             *self = Self::default();
         }
         if frame.shown < Certainty::Must {

@@ -6,14 +6,15 @@ use profile::{Layout, LinkValues};
 use crate::bounds;
 use crate::expectation::{Certainty, Delivery};
 
-/// The number of frames that the DPR must count as missed.
+/// The number of frames that a DPR must count as missed, given the frames that it has received.
 #[derive(Clone, Copy, Debug)]
 struct Missed {
     frames: u64,
-    /// The last frame certainly received: the instant of its sample, ns, its end, ns, and its number in the cycle.
+    /// The last frame that was certainly received: the instant of its sample, ns, its end, ns, and its number in the
+    /// cycle.
     last: Option<(u64, u64, u64)>,
     total: u64,
-    /// How many more frames the DPR may have missed, of those since the last certain one.
+    /// The number of further frames that the DPR may have missed since the last frame certainly received.
     perhaps: u64,
     /// The last frame that may have been received: the instant of its sample, ns, and its number in the cycle.
     maybe: Option<(u64, u64)>,
@@ -24,8 +25,8 @@ impl Missed {
         Self { frames: layout.frames() as u64, last: None, total: 0, perhaps: 0, maybe: None }
     }
 
-    /// Returns the number of frames that are overdue at the instant `at`, ns, since the last certain frame. The next
-    /// cycle's frames are overdue [`bounds::FRAME_DEADLINE`] after the last frame, the same cycle's second frame after
+    /// Returns how many frames are overdue at the instant `at`, ns, after the last frame certainly received. The next
+    /// cycle's frames are overdue after [`bounds::FRAME_DEADLINE`], the same cycle's second frame after
     /// [`bounds::SECOND_FRAME`].
     fn overdue(&self, at: u64) -> u64 {
         let Some((_, ended, number)) = self.last else { return 0 };
@@ -37,8 +38,8 @@ impl Missed {
         }
     }
 
-    /// Returns the number of frames that were due between the last certain frame and `frame`. `more`, ns, is added to
-    /// the time between their samples.
+    /// Returns how many frames were due between the last frame certainly received and `frame`. `more`, ns, is a
+    /// tolerance that is added to the time between their samples.
     fn between(&self, frame: &Delivery, more: i64) -> u64 {
         self.last.map_or(0, |(sampled, _, number)| self.due((sampled, number), frame, more))
     }
@@ -49,7 +50,7 @@ impl Missed {
         (cycles * self.frames + frame.number as u64).saturating_sub(number + 1)
     }
 
-    /// Returns the greatest number of frames that may have been missed before `frame`.
+    /// Returns the greatest number of frames that the DPR may count as missed before `frame`.
     fn at_most(&self, frame: &Delivery, more: i64) -> u64 {
         let since_maybe = self.maybe.map_or(0, |maybe| self.perhaps + self.due(maybe, frame, more));
         self.between(frame, more).max(since_maybe).max(self.perhaps)
@@ -77,11 +78,11 @@ pub(super) struct Counters {
     received: [u64; 2],
     missed: [Missed; 2],
     sure: bool,
-    /// How often it was uncertain what the DPR counted.
+    /// The number of times that it was uncertain what the DPR counted.
     doubts: u64,
 }
 
-/// An image's counters and their possible values, with which the counters of later images are compared.
+/// The counters that an image stated, with the possible values at that time. Later images are compared with them.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Baseline {
     values: LinkValues,
@@ -124,14 +125,15 @@ impl Counters {
         self.doubts += u64::from(!sure || must != may || !clear);
     }
 
-    /// Returns the least and the greatest number of missed frames in an image published at `at`, ns.
+    /// Returns the least and the greatest number of missed frames that an image published at `at`, ns, may state.
     fn missed(&self, at: u64, publication: u64) -> [u64; 2] {
         let [least, most] = &self.missed;
         let least = least.total + least.overdue(at.saturating_sub(publication + bounds::SEQUENCE_BAND));
         [least, most.total + most.overdue(at + bounds::SEQUENCE_BAND).max(most.perhaps)]
     }
 
-    /// Returns whether an image published at `at`, ns, may have these counters; `next` includes one more frame.
+    /// Returns whether an image published at `at`, ns, may have these counters. `next` has the counters after one more
+    /// frame, which the image may include.
     pub(super) fn fit(&self, values: &LinkValues, at: u64, publication: u64, next: Option<&Self>) -> bool {
         let missed = self.missed_until(at, publication, next);
         within(values.objects_accepted, self.accepted)
@@ -145,20 +147,21 @@ impl Counters {
         [least, next.map_or(most, |next| most.max(next.missed(at, publication)[1]))]
     }
 
-    /// Returns whether the objects accepted and rejected add up to those in the frames received.
+    /// Returns whether the accepted and rejected objects add up to the objects of all frames received.
     pub(super) fn add_up(&self, values: &LinkValues) -> bool {
         let places = self.layout.frame(0).map_or(0, Place::count) as u64;
         u64::from(values.objects_accepted) + u64::from(values.objects_rejected)
             == places * u64::from(values.frames_received)
     }
 
-    /// Returns this image's counters as a reference for later ones; `None` if a frame was overdue at `at`, ns.
+    /// Returns this image's counters as the reference for later images; `None` if a frame was overdue at `at`, ns.
     pub(super) fn baseline(&self, values: &LinkValues, at: u64) -> Option<Baseline> {
         let overdue = self.missed.iter().any(|missed| missed.overdue(at + bounds::SEQUENCE_BAND) > 0);
         (!overdue).then_some(Baseline { values: *values, counters: *self })
     }
 
-    /// Returns whether the counters have advanced since the image `before` as they must; true if that is uncertain.
+    /// Returns whether the counters have advanced since the image `before` as they must. Returns true if that is
+    /// uncertain.
     pub(super) fn follow(
         &self,
         before: &Baseline,

@@ -1,10 +1,12 @@
 //! Compares Link-Status with the signals on the wires and the frames on the air.
 //!
-//! Link-Status must be right at the publication of its image, the last rise of FRESH before chip select fell. The
-//! [expectation](crate::expectation) determines which frames the DPR had received by then. Where this is uncertain,
-//! either value is right. An image may include a frame that ended shortly before FRESH rose, or not. It certainly
-//! includes the frame if it shows one of the frame's objects, or if only that frame can have caused the image. There is
-//! one `Snapshot` after each frame, and the image has to fit one of the possible snapshots.
+//! Link-Status must be right for the instant at which its image was published, the last rise of FRESH before chip
+//! select fell. The [expectation](crate::expectation) determines which frames the DPR had received by then, and allows
+//! either value where this is uncertain.
+//!
+//! The judge keeps one `Snapshot` of Link-Status after each frame, and an image has to fit one that is possible. A
+//! frame that ended shortly before FRESH rose may or may not be included. It certainly is if the image shows one of its
+//! objects, or if only that frame can have caused the image.
 //!
 //! # What each violation compares
 //!
@@ -15,9 +17,9 @@
 //! | `LinkFlags` | the frames at the antenna, the DPR's last start, and the injected faults |
 //! | `LinkTime` | the time since the DPR's start |
 //!
-//! This rule requires nothing of an image that another rule reports: one that FRESH did not announce, that is older
-//! than FRESH says (both rule `ssi`), or that lacks objects (rule `shown`). If an image lacks an object, bits 0 and 1
-//! of the status may fit either the image or the frames at the antenna.
+//! An image that another rule reports is left out: by rule `ssi` if FRESH did not announce it or announced a newer one,
+//! by rule `shown` if it lacks objects. In the latter case, bits 0 and 1 of the status may fit either the image or the
+//! frames at the antenna.
 //!
 //! While [`Excuse::Hearing`] holds, only the time, the reason of the last reset, and the report of a silent front end
 //! are judged. From [`bounds::FRONT_END_TOLD`] after a front end has ceased to answer, Link-Status must say that the
@@ -44,15 +46,16 @@ use crate::expectation::{Certainty, Delivery};
 use crate::read::{Reading, State};
 use crate::{Board, Context, Event, Findings, Header, Violation, What, bounds};
 
-/// The number of frames, and of rises of FRESH, that are kept: a transaction may be long.
+/// The number of frames, and of rises of FRESH, that are kept, because a transaction may be long.
 const REMEMBERED: usize = 64;
 
-/// The uncertainty of the age, ns: the DPR's clock, its detection of a frame's end, and HORUS's front end (2.3 µs).
+/// The tolerance of the age that Link-Status states, ns: the DPR's clock, its detection of a frame's end, and HORUS's
+/// front end (2.3 µs).
 const INSTANTS: u64 = 30_000;
 
 const AGE_UNIT: u64 = 100_000;
 
-/// The tolerance, ns, of the second for which Link-Status reports a restart: the commit and the crystals.
+/// The tolerance, ns, of the second for which Link-Status reports a restart. The commit and the crystals need it.
 const RESTART_BAND: u64 = 2_000_000;
 
 /// A Reported-Position that the DPR accepted, or may have accepted.
@@ -60,15 +63,15 @@ const RESTART_BAND: u64 = 2_000_000;
 struct Sample {
     /// The instant, ns, at which the sample was taken.
     at: u64,
-    /// By how much, ns, the DPR may understate the sample's age: the delay on the air, which the DPR cannot detect.
+    /// How much, ns, the DPR may understate the sample's age: the delay on the air, which the DPR cannot detect.
     delay: u64,
-    /// By how much, ns, the DPR may overstate the sample's age. Without the instant at which a frame ended, the DPR
-    /// assumes the longest possible time.
+    /// How much, ns, the DPR may overstate the sample's age. If it missed the instant of a frame's end, it assumes the
+    /// longest time.
     unsure: u64,
 }
 
 impl Sample {
-    /// Returns a sample that stands for this one, for `other`, which is not older, and for all between them.
+    /// Returns a sample that stands for this one, for `other`, which is not older, and for all samples between the two.
     fn or(self, other: Self) -> Self {
         let newest = self.delay.max(other.at.saturating_sub(self.at) + other.delay);
         Self { at: self.at, delay: newest, unsure: self.unsure.max(other.unsure) }
@@ -79,18 +82,18 @@ impl Sample {
 struct Snapshot {
     frame: Option<Delivery>,
     counters: Counters,
-    /// The samples that may be the last accepted one.
+    /// The samples of which one is the last that the DPR accepted.
     samples: Vec<Sample>,
-    /// Whether the DPR may not have accepted any sample.
+    /// Whether it is possible that the DPR has accepted no sample.
     none: bool,
     /// The objects of the cycle that the DPR must have accepted; bit n is object n.
     must: u8,
     /// The objects of the cycle that the DPR may have accepted; bit n is object n.
     may: u8,
-    /// The instants, ns, until which the DPR must, and may, hold the sequence.
+    /// The instants, ns, until which the DPR must hold the sequence, and until which it may.
     held: (u64, u64),
     frozen: Certainty,
-    /// The last instants, ns, at which the DPR certainly, and possibly, took a cycle for a restart of HORUS.
+    /// The last instants, ns, at which the DPR certainly took a cycle for a restart of HORUS, and at which it may have.
     restarted: [Option<u64>; 2],
     implausible: Certainty,
 }
@@ -100,14 +103,14 @@ impl Snapshot {
         self.frame.as_ref().map_or(0, |frame| frame.ended)
     }
 
-    /// Records that the DPR certainly (`must`) or possibly accepted this sample.
+    /// Records that the DPR accepted this sample, certainly if `must`, else possibly.
     fn accept(&mut self, sample: Sample, must: bool) {
         if must {
             self.samples.clear();
             self.none = false;
         }
         self.samples.push(sample);
-        // The oldest two samples become one, which stands for both and for all between them.
+        // The oldest two samples are merged into one, which stands for all samples from the first to the second.
         if let [oldest, second, ..] = self.samples[..]
             && self.samples.len() > REMEMBERED
         {
@@ -128,9 +131,9 @@ pub struct LinkStatus {
     baseline: Option<Baseline>,
     time: Time,
     reasons: Reasons,
-    /// Whether HORUS's field is at the DPR's antenna, and the instant, ns, of the last change.
+    /// Whether there is a field at the DPR's antenna, and since which instant, ns.
     field: (bool, u64),
-    /// The bytes of the transaction that was judged last, which are not judged again.
+    /// The bytes of the last judged transaction; the same bytes are not judged twice.
     last: Vec<u8>,
     /// The bytes that FRESH announced last.
     offered: Vec<u8>,
@@ -169,7 +172,8 @@ impl Rule for LinkStatus {
             What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Hearing) => self.may_have_missed(event.at),
             What::FieldHeard { on } if *on != self.field.0 => self.field = (*on, event.at),
             What::Fresh { high: true, offered } => {
-                // A further rise of FRESH for the same image is no publication, and rule `ssi` reports it.
+                // FRESH has risen a second time for the same image, which is no publication. Rule `ssi` reports this
+                // rise.
                 let offered = offered.as_ref().map_or(&[][..], |bytes| &bytes.0);
                 if context.window().offset() == 0 && !offered.is_empty() && offered == self.offered {
                     return;
@@ -210,7 +214,7 @@ impl LinkStatus {
         }
     }
 
-    /// Records that the DPR may fail to receive from `at` on, also a frame that ended just before.
+    /// Records that the DPR may fail to receive from `at` on. A frame that ended just before may be lost too.
     fn may_have_missed(&mut self, at: u64) {
         let mut newest = self.snapshots.iter_mut().rev();
         let (Some(last), Some(before)) = (newest.next(), newest.next()) else { return };
@@ -220,7 +224,7 @@ impl LinkStatus {
         }
     }
 
-    /// Records a frame that has reached the antenna. The DPR may be wrong by `unsure` ns about the frame's end.
+    /// Records a frame that has reached the antenna. `unsure`, ns, is the DPR's possible error about the frame's end.
     fn heard(&mut self, frame: Delivery, unsure: u64, context: &Context) {
         let Some(last) = self.snapshots.back() else { return };
         let mut next = last.clone();
@@ -259,7 +263,8 @@ impl LinkStatus {
         let Some(Ok(values)) = &reading.link else { return };
         let before = |rose: &&u64| **rose <= reading.selected;
         let Some(&published) = self.fresh.iter().rev().find(before) else { return };
-        // Every deadline publishes an image, so FRESH did not announce an image that is older than a deadline.
+        // FRESH must rise at least once per deadline. If its last rise is longer ago, no rise announced this image, and
+        // rule `ssi` reports that.
         let announced = reading.selected <= published + bounds::FRAME_DEADLINE + self.publication;
         if !dpr.powered || published < dpr.since || !announced {
             return;
@@ -276,7 +281,7 @@ impl LinkStatus {
             Some(candidates)
         };
         self.last.clone_from(&reading.miso);
-        // The image that replaces a damaged image states the same time.
+        // An image that replaces an unsound one states the same time as the unsound one, so its time is not judged.
         let mut of_the_start = None;
         if !disturbances.excuse(Excuse::UnsoundImage, published) {
             if let Some(words) = self.time.wrong(values.timestamp, published, dpr.since) {
@@ -303,14 +308,14 @@ impl LinkStatus {
         }
         let no_field = self.no_field(published, dpr.since, disturbances);
         let flags = |snapshot| self.wrong_flags(snapshot, values.status, reading, published, context, no_field);
-        // If no snapshot fits, the judge reports what contradicts the last snapshot, which includes every frame.
+        // If no snapshot fits, the report states what contradicts the last snapshot, which includes every frame.
         let wrong = of_candidates.try_fold(String::new(), |_, snapshot| flags(snapshot));
         if let Some(words) = wrong.filter(|_| of_the_start.is_none()) {
             findings.add(Violation::LinkFlags, reading.selected, || words);
         }
     }
 
-    /// Returns the indices of the possible snapshots of an image; `None` if another rule reports the image.
+    /// Returns the indices of the snapshots that an image may show; `None` if another rule reports the image.
     fn candidates(&self, reading: &Reading, published: u64) -> Option<Vec<usize>> {
         let newest = |of: &dyn Fn(&Snapshot) -> bool| self.snapshots.iter().rposition(of);
         let last = newest(&|it| it.ended() <= published)?;
@@ -321,7 +326,7 @@ impl LinkStatus {
                 newest(&|it| it.ended() <= published && it.frame.as_ref().is_some_and(|it| shows(reading, it)))?;
             let frame_of = |index: usize| self.snapshots.get(index).and_then(|snapshot| snapshot.frame.as_ref());
             let same_cycle = frame_of(last).zip(frame_of(shown)).is_some_and(|(last, shown)| last.completes(shown));
-            // The image's cycle is older than FRESH says, and another rule judges it.
+            // An image that shows an older cycle than FRESH announced is reported by another rule.
             if shown < first || shown < last && self.is_cause(last) && !same_cycle {
                 return None;
             }
@@ -333,8 +338,8 @@ impl LinkStatus {
         Some((first..=last).collect())
     }
 
-    /// Returns whether only this snapshot's frame can have caused an image published just after it. The frame then is
-    /// the last of its cycle, and no deadline passed at about the same instant.
+    /// Returns whether only the frame of snapshot `index` can have caused an image published just after the frame. The
+    /// frame is then the last of its cycle, and no deadline passed at about the same instant.
     fn is_cause(&self, index: usize) -> bool {
         let frame_of = |index: usize| self.snapshots.get(index).and_then(|snapshot| snapshot.frame.as_ref());
         let Some(frame) = frame_of(index) else { return false };
@@ -343,7 +348,8 @@ impl LinkStatus {
         let (deadline, belongs) = if is_last(before) {
             (bounds::FRAME_DEADLINE, true)
         } else {
-            // If the frames are of two cycles, the first one's image is published before the second frame is processed.
+            // If two frames are of different cycles, the first frame's image is published before the second frame is
+            // processed.
             (bounds::SECOND_FRAME, frame.completes(before) && frame.shown == before.shown)
         };
         let in_time = frame.ended + bounds::SEQUENCE_BAND < before.ended + deadline;
@@ -409,7 +415,7 @@ impl LinkStatus {
             true => Certainty::May,
             false => Certainty::Never,
         };
-        // After a long silence the DPR cannot tell a sender that is silent from a front end that does not receive.
+        // After a long silence the DPR cannot tell whether the sender is silent or its own front end fails.
         let front_end = if context.expectation().is_silent(published) { Certainty::May } else { Certainty::Never };
         let claims = [
             ("the link up", status.link_up(), self.objects_shown(reading, false), expected[0]),
@@ -435,8 +441,8 @@ impl LinkStatus {
         wrong.map(|(words, ..)| format!("{words}: status {:#06x}", status.bits()))
     }
 
-    /// Returns whether an image reports that there is no field. A front end that starts while the field is on detects
-    /// it with the first frame. A disturbed front end may not detect it.
+    /// Returns whether an image must report that there is no field. A front end that starts in a field detects the
+    /// field only with the first frame, and a disturbed front end may not detect it at all.
     fn no_field(&self, published: u64, dpr_since: u64, disturbances: &Disturbances) -> Certainty {
         let (on, since) = self.field;
         let from = since.max(dpr_since + bounds::START);
@@ -452,7 +458,7 @@ impl LinkStatus {
         }
     }
 
-    /// Returns whether the image shows any object or, if `all`, every object; `None` if too little of it was read.
+    /// Returns whether the image shows any object or, if `all`, every object; `None` if too few bytes were read.
     fn objects_shown(&self, reading: &Reading, all: bool) -> Option<bool> {
         let valid = |state: &State| matches!(state, State::Valid { .. });
         let any = reading.objects.iter().any(|placed| valid(&placed.state));
@@ -466,7 +472,7 @@ impl LinkStatus {
         }
     }
 
-    /// Returns whether an image of this snapshot shows any object, and whether it shows all.
+    /// Returns whether an image of this snapshot must show any object, and whether it must show all.
     fn objects_expected(&self, snapshot: &Snapshot, published: u64) -> [Certainty; 2] {
         let Some(frame) = &snapshot.frame else { return [Certainty::Never; 2] };
         let after = published.saturating_sub(frame.ended);
@@ -475,7 +481,7 @@ impl LinkStatus {
         }
         let band = bounds::SEQUENCE_BAND;
         let waits = frame.number + 1 < self.layout.frames();
-        // Close to the deadline, or during the wait for a second frame, the image may be that of the cycle before.
+        // Close to a deadline, or during the wait for a second frame, the image may still be the previous cycle's.
         if after + band > bounds::FRAME_DEADLINE || waits && after < bounds::SECOND_FRAME + band {
             return [Certainty::May; 2];
         }
@@ -489,7 +495,7 @@ impl LinkStatus {
     }
 }
 
-/// Judges whether an image published at `published` reports a front end that does not answer.
+/// Judges whether an image published at `published` reports that the front end does not answer.
 fn tells_of_a_silent_front_end(
     status: LinkStatusBits,
     published: u64,
@@ -500,7 +506,7 @@ fn tells_of_a_silent_front_end(
     let (from, until) = context.disturbances().silent_front_end();
     let dpr = context.running(Board::Dpr);
     let from = from.max(dpr.since + bounds::START) + bounds::FRONT_END_TOLD;
-    // The dead task may be the one that detects a silent front end.
+    // A dead task may be the task that would detect the silent front end.
     let until = until.min(dpr.dead.unwrap_or(u64::MAX));
     let told = status.front_end_fault() && !status.link_up() && !status.all_accepted();
     if (from..until).contains(&published) && !told {
@@ -516,7 +522,7 @@ fn shows(reading: &Reading, frame: &Delivery) -> bool {
     objects.any(|(index, bytes, _)| reading.objects.iter().any(|it| it.index == *index && it.bytes == *bytes))
 }
 
-/// Returns whether Link-Status may state the age `told`, in its unit, in an image published at `published`.
+/// Returns whether Link-Status may state the age `told`, in 0.1 ms, in an image published at `published`.
 fn age_fits(snapshot: &Snapshot, told: u16, published: u64) -> bool {
     let units = |ns: u64| u16::try_from(ns / AGE_UNIT).unwrap_or(u16::MAX);
     let fits = |sample: &Sample| {

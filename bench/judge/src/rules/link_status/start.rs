@@ -4,18 +4,19 @@ use profile::{LinkStatusBits, ResetReason};
 
 use crate::{Cause, What, bounds};
 
-/// The reasons that the DPR may state; `None` for any reason.
+/// The reasons of its last start that the DPR may state; `None` if it may state any.
 #[derive(Clone, Debug)]
 pub(super) struct Reasons(Option<&'static [ResetReason]>);
 
 impl Reasons {
-    /// Returns the reasons after power-on. After a short power-off the DPR may find its RAM intact and states a
-    /// brown-out.
+    /// Returns the reasons that the DPR may state after power-on. After a short power-off it may find its RAM intact,
+    /// and states a brown-out.
     pub(super) const fn power_on() -> Self {
         Self(Some(&[ResetReason::PowerOn, ResetReason::BrownOutOrOther]))
     }
 
-    /// Returns the reasons after the start in `event`. For a cause that the DPR cannot report, it may state any reason.
+    /// Returns the reasons that the DPR may state after the start in `event`: any reason for a cause that it cannot
+    /// report.
     pub(super) const fn of(event: &What) -> Self {
         let What::Reset { cause, .. } = event else { return Self::power_on() };
         Self(match cause {
@@ -28,7 +29,7 @@ impl Reasons {
         })
     }
 
-    /// Returns, in words, how bits 6 and 12 to 14 of Link-Status, the reason of the last start, are wrong.
+    /// Returns, in words, the error in bits 6 and 12 to 14 of Link-Status, which state the reason of the last start.
     pub(super) fn wrong(&self, status: LinkStatusBits) -> Option<String> {
         let told = status.reset_reason();
         let unasked = [ResetReason::Watchdog, ResetReason::Lockup, ResetReason::BrownOutOrOther];
@@ -40,17 +41,17 @@ impl Reasons {
 
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Time {
-    /// The instant, ns, of the first image's publication since the start, and by how much, ns, its stated time was
-    /// short.
+    /// The publication of the first image since the start, ns, and by how much, ns, that image understated the time
+    /// since the start.
     first: Option<(u64, i128)>,
     last_ms: u32,
 }
 
-/// The uncertainty, ns: the DPR reads its clock before FRESH rises, and the time has a resolution of 1 ms.
+/// The tolerance of the stated time, ns: the DPR reads its clock before FRESH rises, with a resolution of 1 ms.
 const RESOLUTION: u64 = 2_000_000;
 
 impl Time {
-    /// Returns, in words, how the time `told_ms` in an image is wrong, for a DPR that started at `since`, ns.
+    /// Returns, in words, the error of the time `told_ms` in an image of a DPR that started at `since`, ns.
     pub(super) fn wrong(&mut self, told_ms: u32, published: u64, since: u64) -> Option<String> {
         let back = told_ms < std::mem::replace(&mut self.last_ms, told_ms);
         let passed = published - since;

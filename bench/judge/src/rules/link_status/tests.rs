@@ -7,7 +7,7 @@ use crate::{Board, Cause, Disturbance, Event, Violation, What, bounds};
 
 const RECEIVERS: [usize; 3] = [1, 3, 5];
 
-/// Returns an edit that changes the Link-Status of the images published within `times`.
+/// Returns an edit that changes Link-Status in the images published within `times`.
 fn within(times: std::ops::Range<u64>, change: impl Fn(&mut LinkValues)) -> impl Fn(&mut Vec<Image>) {
     move |images| {
         let mut changed = 0;
@@ -19,7 +19,7 @@ fn within(times: std::ops::Range<u64>, change: impl Fn(&mut LinkValues)) -> impl
     }
 }
 
-/// Returns an edit that changes the Link-Status of this cycle's image.
+/// Returns an edit that changes Link-Status in the image of this cycle.
 fn of(run: &Run, cycle: u32, change: impl Fn(&mut LinkValues)) -> impl Fn(&mut Vec<Image>) {
     within(run.end(cycle)..run.end(cycle) + MS, change)
 }
@@ -57,7 +57,7 @@ fn the_age_is_saturated_until_an_object_is_accepted() {
     let change = |age| move |values: &mut LinkValues| values.age_100us = age;
     assert_eq!(run.broken(within(10 * MS..20 * MS, change(65_534))), [Violation::LinkAge]);
     assert_eq!(run.broken(of(&run, 20, change(u16::MAX))), [Violation::LinkAge]);
-    // The age stays at 65535, its greatest value, after 6.5535 s.
+    // The age counts up to 6.5535 s and then stays at its greatest value, 65535.
     let mut long = Run::new(3).hit_all(20..700, &Air::Lost);
     long.cycles = 710;
     long.control = 4 * MS;
@@ -68,7 +68,7 @@ fn the_age_is_saturated_until_an_object_is_accepted() {
 
 #[test]
 fn the_age_counts_from_the_tick_and_not_from_the_frame() {
-    // The tick in the log is 1 ms early, but HORUS keeps its slot.
+    // The log has the tick of cycle 20 too early by 1 ms, but HORUS sends at the usual instant.
     let run = Run::new(3);
     let mut log = run.log(|_| {});
     for event in log.events.iter_mut().filter(|event| event.what == What::Tick && event.at == run.tick(20)) {
@@ -76,7 +76,7 @@ fn the_age_counts_from_the_tick_and_not_from_the_frame() {
     }
     log.events.sort_by_key(|event| (event.at, event.what.rank()));
     assert!(crate::judge(&log).kinds().any(|kind| kind == Violation::LinkAge));
-    // Without ticks the judge derives the sample's instant from the frame.
+    // If the log has no ticks, the judge derives the instant of a sample from its frame.
     log.events.retain(|event| event.what != What::Tick);
     assert!(crate::judge(&log).kinds().all(|kind| kind != Violation::LinkAge));
 }
@@ -110,7 +110,7 @@ fn each_counter_that_is_off_by_one_is_a_violation() {
 #[test]
 fn counters_that_go_on_wrongly_together_are_wrong() {
     for n in RECEIVERS {
-        // A damaged object counts as accepted here, or a received frame as missed.
+        // Link-Status counts a damaged object as accepted, or a received frame as missed.
         let run = Run::new(n).hit(20, 0, Air::Hit(vec![1]));
         let change = |values: &mut LinkValues| {
             values.objects_accepted += 1;
@@ -148,7 +148,7 @@ fn each_flag_that_contradicts_what_was_heard_and_shown_is_wrong() {
             let broken = run.broken(of(&run, 20, |values| flip(values, bit)));
             assert_eq!(broken, [Violation::LinkFlags], "{n} receivers, bit {bit}");
         }
-        // Another rule judges bit 7, a rejected uplink.
+        // Bit 7 of Link-Status says that an uplink was rejected, which another rule judges.
         assert_eq!(run.broken(of(&run, 20, |values| flip(values, 7))), []);
         let run = Run::new(n).hit_all(20..25, &Air::Lost);
         for bit in [0, 1, 2, 3, 8, 9] {
@@ -189,7 +189,7 @@ fn the_flags_of_a_damaged_cycle_say_so() {
 
 #[test]
 fn what_an_image_lacks_is_not_also_a_wrong_flag() {
-    // If an image lacks its objects, its flags may describe what the DPR received or what the image shows.
+    // If an image lacks its objects, its flags may describe either the image or the frames that the DPR received.
     for bits in [LinkStatusBits::new().with_link_up(true).with_all_accepted(true), LinkStatusBits::new()] {
         let run = Run::new(3);
         let broken = run.broken(|images| {
@@ -210,7 +210,7 @@ fn a_frozen_and_a_restarted_horus_are_told() {
         assert_eq!(run.broken(of(&run, 21, |values| flip(values, 2))), [Violation::LinkFlags], "{n} receivers");
         let run = Run { cycles: 150, horus_starts: vec![20], ..Run::new(n) };
         run.assert_flawless();
-        // Link-Status shows the restart of HORUS for a second.
+        // Link-Status shows for one second that HORUS has restarted.
         for cycle in [21, 119, 121, 140] {
             let broken = run.broken(of(&run, cycle, |values| flip(values, 3)));
             assert_eq!(broken, [Violation::LinkFlags], "{n} receivers, {cycle}");
@@ -315,7 +315,7 @@ fn the_time_starts_with_the_dpr_and_goes_on_with_it() {
             let broken = run.broken(of(&run, 20, change));
             assert_eq!(broken == [Violation::LinkTime], wrong, "{n} receivers, {by}: {broken:?}");
         }
-        // The first image's time may lack the time that a start takes.
+        // In the first image, the time since the start may be too short by the time that a start takes.
         for (by, wrong) in [(3_i32, true), (-4, false)] {
             let change = |values: &mut LinkValues| values.timestamp = values.timestamp.saturating_add_signed(by);
             let broken = run.broken(within(0..u64::MAX, change));
@@ -351,7 +351,7 @@ fn an_image_that_fresh_has_not_announced_is_not_asked() {
     let run = Run::new(3);
     let wrong = of(&run, 20, |values| values.age_100us += 50);
     let mut log = run.log(&wrong);
-    // From this instant on FRESH is stuck at its level.
+    // FRESH no longer changes after tick 15.
     log.events.retain(|event| !(matches!(event.what, What::Fresh { .. }) && event.at > run.tick(15)));
     let own = |kind: &Violation| *kind >= Violation::LinkAge && *kind <= Violation::LinkTime;
     assert_eq!(crate::judge(&log).kinds().filter(own).count(), 0);
@@ -360,10 +360,11 @@ fn an_image_that_fresh_has_not_announced_is_not_asked() {
 
 #[test]
 fn a_rise_of_fresh_for_the_same_image_is_no_publication() {
-    // Most images are first read after the second rise of FRESH.
+    // With a control cycle of 7 ms, FRESH has usually risen twice for an image before a transaction reads the image.
     let run = Run { control: 7 * MS, ..Run::new(3) };
     let own = |kind: &Violation| *kind >= Violation::LinkAge && *kind <= Violation::LinkTime;
-    // Each image is a number here. FRESH rises again 3 ms later, for the same image or another.
+    // `offered` identifies each announced image by a number. FRESH rises again 3 ms after each rise, for the same image
+    // or for another one.
     let broken = |another: u64| {
         let mut log = run.log(|_| {});
         let mut again = vec![];
@@ -411,7 +412,7 @@ fn a_power_cycle_of_the_dpr_is_a_start() {
     let mut run = Run { cycles: 80, dpr_start: Some((300 * MS, Cause::PowerOn, ResetReason::PowerOn)), ..Run::new(3) };
     run.extra = vec![power(250 * MS, false), power(300 * MS, true)];
     let mut log = run.log(|images| images.retain(|image| !(250 * MS..300 * MS).contains(&image.at)));
-    // A DPR without a supply receives nothing and cannot be read.
+    // A DPR without a supply receives no frame and can be read by no transaction.
     for event in &mut log.events {
         if let What::Transaction { selected, miso, .. } = &mut event.what
             && (250 * MS..300 * MS).contains(selected)
@@ -422,9 +423,8 @@ fn a_power_cycle_of_the_dpr_is_a_start() {
     assert_eq!(crate::rules::shown::synthetic::kinds(&crate::judge(&log)), []);
 }
 
-/// Returns whether a flag is wrong in a run whose last frame is that of cycle 20. The first image more than 260 ms
-/// after this cycle's sample is published `after` ns after the sample. It says that the sequence is held or not
-/// (`held`).
+/// Returns whether a flag is wrong in a run whose last frame is that of cycle 20. The image published `after` ns after
+/// that cycle's sample, more than 260 ms later, says whether the sequence is `held`.
 fn published_late(after: u64, held: bool) -> bool {
     let run = Run { cycles: 60, ..Run::new(3) }.hit_all(21..=60, &Air::Lost);
     let sampled = run.tick(20) + 3 * US;
@@ -438,8 +438,8 @@ fn published_late(after: u64, held: bool) -> bool {
 
 #[test]
 fn the_sequence_is_held_for_26_cycles_plus_the_clock_tolerance() {
-    // The limit is 260 + 2.5 + 5.2 ms. Within 0.3 ms of it either value is right, and the DPR takes the values up to
-    // 0.2 ms before they can be read.
+    // The sequence is held for 260 + 2.5 + 5.2 ms. Within 0.3 ms of this limit either value is right, and the DPR takes
+    // the value up to 0.2 ms before it can be read.
     assert!(published_late(267_400_000, false));
     assert!(!published_late(267_400_001, false));
     assert!(!published_late(267_400_001, true));
@@ -491,8 +491,8 @@ fn any_number_of_samples_may_follow_the_last_certain_one() {
     snapshot.accept(sample(10), true);
     (11..100).for_each(|nth| snapshot.accept(sample(nth), false));
     let fits = |snapshot: &super::Snapshot, told| super::age_fits(snapshot, told, 1_000 * MS + 50_000);
-    // The certainly accepted sample is 900 ms old, and the newest is 10 ms old. The oldest two samples are merged, so
-    // any age between these two is possible.
+    // The oldest of three samples is 900 ms old and was certainly accepted; the newest is 10 ms old. The judge merges
+    // the oldest two, so that any age between theirs is possible.
     for (told, fit) in [(9_001, true), (9_003, false), (8_950, true), (100, true), (150, false), (96, false)] {
         assert_eq!(fits(&snapshot, told), fit, "{told}");
     }
@@ -508,7 +508,7 @@ fn a_front_end_is_called_at_fault_only_after_long_silence() {
     let heard = run.end(19);
     assert_eq!(told(heard + 430 * MS..heard + 450 * MS), [Violation::LinkFlags]);
     assert_eq!(told(heard + 455 * MS..run.end(89)), []);
-    // Link-Status may report the fault until the image after the first new frame is published.
+    // Link-Status may report the front end's fault until the image of the first frame after the silence is published.
     assert_eq!(told(run.end(90)..run.end(90) + 15 * MS), []);
     assert_eq!(told(run.end(93)..run.end(94)), [Violation::LinkFlags]);
 }
@@ -518,7 +518,7 @@ fn frames_that_a_deaf_front_end_may_have_missed_end_no_silence() {
     let run = Run { cycles: 100, ..Run::new(3).hit_all(20..90, &Air::Lost) };
     let told = |mut run: Run| {
         let deaf = Disturbance::FrontEnd { board: Board::Dpr, harm: Harm::Deaf };
-        // The DPR may miss the frames of cycles 10 to 19; the excuse for that ends with cycle 50.
+        // A deaf front end excuses the DPR until cycle 50, so the DPR may have missed the frames of cycles 10 to 19.
         run.extra.push(Event { at: run.tick(10), what: injected(deaf, run.tick(50) - bounds::FRONT_END_RECOVERY) });
         let silent = run.end(9) + bounds::SILENCE;
         run.broken(within(silent + 5 * MS..run.end(19) + bounds::SILENCE, |values| flip(values, 5)))

@@ -9,7 +9,7 @@
 //! | bit 6 | set while buffers are out of use |
 //! | reason of the last safe state | 0 after power-on; the same value between two starts |
 //!
-//! The log does not show whether a firmware had entered its safe state before a later start.
+//! Any reason of a safe state is right after a reset, because the log does not show whether there was a safe state.
 
 use profile::PortValues;
 
@@ -20,20 +20,20 @@ use crate::read::Reading;
 #[derive(Clone, Debug)]
 pub(super) struct HealthFields {
     since: u64,
-    /// Whether the DPR may have entered its safe state before its last start.
+    /// Whether the DPR may have been in its safe state before its last start.
     stopped: bool,
-    /// Whether the flight controller has used more than its share of the DPR's processor time.
+    /// Whether the flight controller has used more of the DPR's processor time than its share.
     slow: bool,
     last: Option<PortValues>,
 }
 
 impl HealthFields {
-    /// Returns the state just after the DPR's supply has come on at the instant `at`, ns.
+    /// Returns the state after power-on of the DPR at the instant `at`, ns.
     pub(super) const fn powered(at: u64) -> Self {
         Self { since: at, stopped: false, slow: false, last: None }
     }
 
-    /// Returns the state just after the DPR has restarted or lost its supply at the instant `at`, ns.
+    /// Returns the state after the DPR has restarted, or has lost its supply, at the instant `at`, ns.
     pub(super) const fn again(at: u64) -> Self {
         Self { stopped: true, ..Self::powered(at) }
     }
@@ -42,7 +42,7 @@ impl HealthFields {
         self.slow = true;
     }
 
-    /// Returns, in words, what is wrong with the health fields in an image published at `published`, ns.
+    /// Returns, in words, the error in the health fields of an image published at `published`, ns.
     pub(super) fn wrong(
         &mut self,
         values: &PortValues,
@@ -50,7 +50,7 @@ impl HealthFields {
         published: u64,
         disturbances: &Disturbances,
     ) -> Option<String> {
-        // A Port-Status made within the first millisecond after the start has no values yet.
+        // In the first millisecond after a start Port-Status has no values yet, and its timestamp is zero.
         let last = self.last.replace(*values).filter(|last| last.timestamp > 0).unwrap_or(*values);
         let of_ram = disturbances.excuse(Excuse::RamFault, published);
         let found = |values: &PortValues| [values.integrity_faults, values.stuck_bits, values.buffers_out_of_use];
@@ -91,7 +91,7 @@ mod tests {
     use crate::Event;
     use crate::testing::{RECEIVE_BIT, injected};
 
-    /// Values that are right 1 s after the DPR's start.
+    /// The health fields of a flawless DPR, 1 s after its start.
     const RIGHT: PortValues = {
         let values = sound();
         PortValues { timestamp: 990, ..values }
@@ -188,7 +188,7 @@ mod tests {
         let mut health = HealthFields::again(0);
         assert!(is_right(&mut health, PortValues { last_stop: 1 << 24, ..RIGHT }, AT));
         assert!(!is_right(&mut health, PortValues { last_stop: 2 << 24, ..RIGHT }, AT));
-        // The first Port-Status does not state the reason of the last safe state yet.
+        // The first Port-Status after a start does not yet state the reason of the last safe state.
         let mut health = HealthFields::again(0);
         let mut right = |values, ms| health.wrong(&values, &link(ms), AT, &Disturbances::default()).is_none();
         assert!(right(PortValues { timestamp: 0, ..RIGHT }, 10));

@@ -1,16 +1,16 @@
 //! Compares Port-Status, and the uplinks that are read back, with what the flight controller has written.
 //!
-//! The judge determines in which state each transaction leaves a correct DPR (`model`). The first image that is
-//! published after a transaction may show its effect, and the second must. Where the state is uncertain (the duration
-//! of a self-test varies), several states are possible, and later readings decide between them.
+//! The judge determines the state of a correct DPR after each transaction (`model`), and several possible states where
+//! it is uncertain, as for the duration of a self-test. The first image published after a transaction may show the
+//! transaction's effect, and the second must.
 //!
 //! # What is not required
 //!
-//! - This rule requires nothing while [`Excuse::Service`] holds, because the DPR may have received any number of the
-//!   written bytes. After that the judge accepts Port-Status once, when no written object is pending, if the
-//!   transactions can have led to its values. Later values are compared with these.
-//! - While [`Excuse::UnsoundImage`] holds, the only requirement is that a damaged object is not valid.
-//! - This rule requires nothing of a map that FRESH has not announced in time, because another rule reports it.
+//! - While [`Excuse::Service`] holds, this rule requires nothing, because the DPR may have received any number of the
+//!   written bytes. Afterwards the judge takes over the values of one Port-Status, if the transactions can lead to them
+//!   and no written object is pending, and judges later values by these.
+//! - While [`Excuse::UnsoundImage`] holds, a damaged Port-Status or uplink is only required to be invalid.
+//! - Port-Status is not judged in a map that FRESH has not announced in time, because another rule reports that map.
 
 mod health;
 mod model;
@@ -31,16 +31,16 @@ use crate::{Board, Context, Disturbances, Event, Findings, Header, Violation, Wh
 use health::HealthFields;
 use model::{Model, Place, status_in, writes};
 
-/// The number of rises of FRESH that are kept: a transaction may be long.
+/// The number of rises of FRESH that are kept, because a transaction may be long.
 const REMEMBERED: usize = 64;
 
 /// The number of written objects that are kept: more than can be written between two images.
 const WRITTEN: usize = 128;
 
-/// The longest time, ns, from the making of Port-Status, to which its ages refer, until its publication.
+/// The longest time, ns, from the instant for which Port-Status states its ages until its publication.
 const MADE_BEFORE: u64 = 4 * bounds::CYCLE;
 
-/// The longest time, ns, from a transaction's end until the DPR has judged what it wrote.
+/// The longest time, ns, from the end of a transaction until the DPR has judged the object in it.
 const JUDGED_AFTER: u64 = 2_000_000;
 
 const MS: u64 = 1_000_000;
@@ -58,15 +58,16 @@ struct Entry {
 pub struct PortRule {
     layout: Layout,
     publication: u64,
-    /// The possible states after each transaction, the oldest first; empty if, and only if, the state is not known.
+    /// The possible states after each transaction, the oldest first. The list is empty exactly while the state is not
+    /// known.
     entries: VecDeque<Entry>,
     fresh: VecDeque<u64>,
     /// The instant, ns, at which the last transaction ended that may have changed a counter of Port-Status.
     written: u64,
-    /// The values of Port-Status when it was last read, and the number of transactions since then.
+    /// The values of Port-Status when it was last read, and the number of transactions since that reading.
     known: (PortValues, u32),
-    /// The access violations in Link-Status, those in Port-Status, and the timestamp of the last command, read while no
-    /// written object was pending; `None` if not known.
+    /// Values read while no written object was pending, with which later ones are compared: the access violations in
+    /// Link-Status, those in Port-Status, and the timestamp of the last command. `None` if not known.
     counted: Option<(u32, u32, u32)>,
     health: HealthFields,
     /// Whether Port-Status has reported that the last self-test failed.
@@ -117,7 +118,8 @@ impl Rule for PortRule {
 }
 
 impl PortRule {
-    /// Resets the state at a start of the DPR. With `known`, the judge can tell what the DPR receives from now on.
+    /// Resets the state at a start of the DPR. `known` says whether the judge can tell what the DPR receives from now
+    /// on.
     fn start(&mut self, at: u64, known: bool) {
         self.entries.clear();
         self.fresh.clear();
@@ -187,8 +189,8 @@ impl PortRule {
             findings.add(Violation::PortStatusWrong, selected, || "a self-test failed, and nothing is damaged".into());
         }
         if self.entries.is_empty() {
-            // No write is pending, so Port-Status must show the last write, unless the image replaced one with the same
-            // content.
+            // If no written object is pending, Port-Status must show the effect of the last one. Only an image that
+            // replaced an unsound one with the same content need not.
             let shows = previous.is_some_and(|previous| self.written < previous);
             if shows && !disturbances.excuse(Excuse::UnsoundImage, selected) {
                 let (before, transactions) = self.known;
@@ -203,7 +205,8 @@ impl PortRule {
             }
             return;
         }
-        // What was written before the last rise of FRESH but one must show. What was written before the last rise may.
+        // The last two rises of FRESH bound what Port-Status may show: at least the objects written before the earlier
+        // rise, at most those written before the later one.
         let last = self.entries.partition_point(|entry| entry.at <= published).saturating_sub(1);
         let first = previous.map_or(0, |previous| self.entries.partition_point(|entry| entry.at < previous));
         let first = first.saturating_sub(1).min(last);
@@ -214,7 +217,8 @@ impl PortRule {
                 let expected = self.entries[last].models.first();
                 format!("{values:?} instead of {expected:?}")
             });
-            // The judge continues with the Port-Status that was read, so that the violation is reported once.
+            // Later values are compared with this Port-Status although it is wrong, so that each error is reported
+            // once.
             self.entries.clear();
             self.counted = None;
             self.known = (values, 0);
@@ -231,7 +235,8 @@ impl PortRule {
         }
     }
 
-    /// Judges the violations in Link-Status: they grow with the counts in Port-Status, unless a command clears those.
+    /// Judges the number of access violations in Link-Status, which must grow with the counts in Port-Status unless a
+    /// command clears those.
     fn counted(&mut self, link: u16, values: &PortValues, selected: u64, findings: &mut Findings) {
         let now = (u32::from(link), values.violations.total(), values.last_command_timestamp);
         let Some(before) = &mut self.counted else { return };
@@ -245,7 +250,8 @@ impl PortRule {
         }
     }
 
-    /// Records that Port-Status shows the objects written up to entry `place`: no other entry allows its values.
+    /// Records that Port-Status must include the objects written up to entry `place`, because its values fit no other
+    /// entry.
     fn decided(&mut self, place: usize, values: &PortValues, published: u64) {
         self.entries[place].models.retain(|model| model.fits(values, published));
         self.entries[place].models.iter_mut().for_each(|model| model.told(values));
@@ -288,16 +294,16 @@ impl PortRule {
     }
 }
 
-/// Returns whether Port-Status may change from `before` to `now` in `transactions` transactions of unknown content.
-/// Each adds at most one to each counter, and two to the counter of transactions beyond the budget. The effect of at
-/// most [`bounds::SSI_BUDGET`] transactions for each of two images may not have been in `before` yet.
+/// Returns whether `transactions` transactions of unknown content can change Port-Status from `before` to `now`. A
+/// transaction adds at most one to each counter, except two to the counter of transactions beyond the budget. In
+/// `before`, the effects of up to [`bounds::SSI_BUDGET`] transactions for each of two images may be missing.
 fn may_follow(before: &PortValues, now: &PortValues, transactions: u32) -> bool {
     let most = transactions.saturating_add(2 * bounds::SSI_BUDGET);
     let last_command = |values: &PortValues| (values.last_command_timestamp, values.last_command);
-    // If the number of commands is equal but the last command differs, that command has cleared the counters.
+    // If the last command differs although no further one was counted, that command has cleared the counters.
     let carried_out = now.commands_carried_out > 0
         && (now.commands_carried_out != before.commands_carried_out || last_command(now) != last_command(before));
-    // A command may have cleared the counters.
+    // The counters may fall if a command was carried out, because it may have cleared them.
     let within = |was: u32, is: u32, most: u32| (carried_out || is >= was) && is <= was.saturating_add(most);
     let kinds = profile::Violation::ALL.into_iter().all(|kind| {
         let times = if kind == profile::Violation::TooMany { 2 } else { 1 };
@@ -320,8 +326,8 @@ fn step(models: &[Model], mosi: &[u8], at: u64, map_len: usize) -> Vec<Model> {
     next
 }
 
-/// Returns whether Port-Status may state this status bit and age (ms) of an uplink, whose bytes are compared if they
-/// were `read`.
+/// Returns whether Port-Status may state this status bit and age (ms) of an uplink. The uplink's bytes are compared too
+/// if they were `read`.
 fn shows(place: &Place, (fresh, age_ms): (bool, u16), read: Option<&[u8]>, published: u64) -> bool {
     let (stored, at) = match place {
         Place::Unknown => return true,
@@ -334,6 +340,6 @@ fn shows(place: &Place, (fresh, age_ms): (bool, u16), read: Option<&[u8]>, publi
     let told = u64::from(age_ms);
     let age_fits = (least..=most).contains(&told) || age_ms == u16::MAX && most >= u64::from(u16::MAX);
     let bytes_fit = read.is_none_or(|read| if fresh { read == &stored[..] } else { is_vacant(read) });
-    // The status bit follows from the stated age.
+    // The status bit that calls an uplink fresh follows from the stated age.
     age_fits && bytes_fit && fresh == (told < expiry)
 }

@@ -12,7 +12,7 @@ use crate::rules::is_later;
 /// The number of bytes that the DPR receives: a request, an object, and eight bytes that must be empty.
 pub(super) const TAKEN_IN: usize = REQUEST_SIZE + Uplink::SIZE + 8;
 
-/// The number of consecutive newer timestamps after which the DPR accepts a writer whose timestamps stepped back.
+/// A writer whose timestamps stepped back is accepted again after this number of consecutive newer timestamps.
 const ROW: u8 = 3;
 
 /// Returns whether these MOSI bytes can change Port-Status or the stored uplinks.
@@ -42,7 +42,7 @@ impl Timestamps {
     }
 }
 
-/// What the DPR has stored as the uplink of one writer.
+/// The uplink that the DPR has stored for one writer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Place {
     Unknown,
@@ -68,7 +68,7 @@ pub(super) struct Model {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Test {
-    /// No self-test is under way; the last one ended with this result.
+    /// No self-test is under way. The flags have the result of the last one.
     Idle { passed: bool, failed: bool },
     /// A self-test began at this instant, ns, and may have ended.
     Begun(u64),
@@ -79,7 +79,7 @@ impl Test {
         Self::Idle { passed: values.status.self_test_passed(), failed: values.status.self_test_failed() }
     }
 
-    /// Returns whether an image made at the instant `at`, ns, may have these self-test bits in Port-Status.
+    /// Returns whether Port-Status may have these bits about the self-test in an image made at `at`, ns.
     fn fits(self, values: &PortValues, at: u64) -> bool {
         let status = values.status;
         match self {
@@ -104,7 +104,7 @@ impl Model {
         }
     }
 
-    /// Returns the state of a DPR of which only these values of Port-Status are known, from an image made at `at`, ns.
+    /// Returns the state of a DPR of which only Port-Status is known, from an image made at `at`, ns.
     pub(super) fn of(values: &PortValues, at: u64) -> Self {
         Self {
             uplinks_accepted: values.uplinks_accepted,
@@ -128,14 +128,15 @@ impl Model {
             && self.test.fits(values, at)
     }
 
-    /// Updates the state with a Port-Status that was read. A self-test that it does not report as running has ended.
+    /// Updates the state with a Port-Status that was read. If Port-Status does not report a self-test as running, the
+    /// self-test has ended.
     pub(super) fn told(&mut self, values: &PortValues) {
         if !values.status.self_test_running() {
             self.test = Test::told(values);
         }
     }
 
-    /// Returns the states that are possible after a transaction that ended at `at`, ns.
+    /// Returns the possible states after a transaction that ended at `at`, ns.
     pub(super) fn after(&self, mosi: &[u8], at: u64, map_len: usize) -> Vec<Self> {
         let taken_in = &mosi[..mosi.len().min(TAKEN_IN)];
         let (request, behind) = taken_in.split_at(taken_in.len().min(REQUEST_SIZE));
@@ -154,7 +155,7 @@ impl Model {
         states
     }
 
-    /// Returns the states that are possible after this uplink or command, which is not [vacant](is_vacant).
+    /// Returns the possible states after this uplink or command, which is not [vacant](is_vacant).
     fn written(self, object: &[u8], at: u64) -> Vec<Self> {
         if object.len() < Uplink::SIZE {
             return vec![self.refused(Violation::TooShort)];
@@ -183,8 +184,8 @@ impl Model {
         })
     }
 
-    /// Returns the states of `then` if the timestamp is newer, those of a refusal if not, and both if that is not
-    /// known.
+    /// Returns the states of `then` if the timestamp is newer, and those of a refusal if it is not. Returns both if the
+    /// last timestamp is not known.
     fn in_time(mut self, series: usize, timestamp: u32, then: impl Fn(Self) -> Vec<Self>) -> Vec<Self> {
         let Some(mut known) = self.timestamps[series] else {
             let refused = self.clone().refused(Violation::UplinkNotNewer);

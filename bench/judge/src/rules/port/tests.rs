@@ -8,7 +8,7 @@ use crate::disturbance::Memory;
 use crate::testing::{Events, IMAGE_BIT, MISUSE, MS, header, injected};
 use crate::{Bytes, Disturbance, Header};
 
-/// The time between two transactions. FRESH rises every 10 ms.
+/// The time between two transactions, ns. FRESH rises every 10 ms.
 const READS: u64 = 4 * MS;
 
 fn uplink(timestamp: u32, byte: u8) -> Vec<u8> {
@@ -28,7 +28,7 @@ struct Shown {
 }
 
 /// Returns a log in which the flight controller sends each object of `written` at its instant. An image is published
-/// every 10 ms and shows what `shown` returns for that instant.
+/// every 10 ms, and shows the uplinks and Port-Status that `shown` returns for that instant.
 fn log(written: &[(u64, Vec<u8>)], shown: impl Fn(u64) -> Shown) -> crate::Log {
     let header: Header = header(3);
     let layout = Layout::for_receivers(3).unwrap();
@@ -68,15 +68,15 @@ fn broken(log: &crate::Log) -> Vec<(Violation, u64)> {
     found.into_iter().map(|(violation, count, _)| (violation, count)).collect()
 }
 
-/// Returns the instant, ns, at which the transaction of an object written at `at` ends.
+/// Returns the instant, ns, at which the transaction ends that writes an object at `at`.
 fn ends(at: u64) -> u64 {
     (at - MS) / READS * READS + MS + MS / 2
 }
 
 const AT: u64 = 101 * MS;
 
-/// Returns the violations that are found if one uplink is written at [`AT`] and shows, changed by `change`, from image
-/// number `shown_after` after its transaction on.
+/// Returns the violations if one uplink is written at [`AT`]. From image number `shown_after` after its transaction on,
+/// the image shows the uplink, changed by `change`.
 fn one(shown_after: u64, change: impl Fn(&mut Shown)) -> Vec<(Violation, u64)> {
     let written = [(AT, uplink(1_000, 7))];
     broken(&log(&written, |published| {
@@ -119,7 +119,7 @@ fn what_port_status_says_otherwise_is_wrong_once() {
     for change in changes {
         assert_eq!(one(1, change), [(Violation::PortStatusWrong, 1)]);
     }
-    // The failed self-test is reported for each image.
+    // Each image that states a failed self-test is reported.
     let failed = one(1, |shown| shown.values.status = PortStatusBits::new().with_self_test_failed(true));
     assert_eq!(failed[0].0, Violation::PortStatusWrong);
 }
@@ -195,7 +195,8 @@ fn every_kind_of_violation_and_every_command_is_followed() {
 #[test]
 fn link_status_counts_the_access_violations_of_all_kinds_and_clears_none() {
     const CLEARED: u64 = 201 * MS;
-    // The two counts in Link-Status: before and after the command that clears the counters of Port-Status.
+    // Returns the violations if Link-Status counts `before` access violations before the command that clears the
+    // counters of Port-Status, and `after` access violations after it.
     let told = |before: u16, after: u16| {
         let clears = command(2_000, Command::ClearCounters);
         let mut log = log(&[(AT, uplink(1_000, 7)[..9].to_vec()), (CLEARED, clears)], |published| {
@@ -248,7 +249,8 @@ fn after_misconduct_port_status_is_believed_once_and_held_against_what_follows()
 
 #[test]
 fn port_status_is_believed_from_the_second_image_after_misconduct_on() {
-    // Transactions are excused until 220 ms. The last excused one ends at 217.5 ms and shows from 230 ms on.
+    // The flight controller's misuse is excused until 220 ms. The last excused transaction ends at 217.5 ms, and images
+    // show its effect from 230 ms on.
     let counted_from = |from: u64| {
         let mut log = log(&[], |published| {
             let mut shown = Shown::default();
@@ -292,7 +294,8 @@ fn after_misconduct_counters_are_bounded_by_the_transactions() {
         insert(&mut log, 120 * MS, injected(MISUSE, 200 * MS));
         broken(&log)
     };
-    // The transactions from 121 ms to 233 ms, when Port-Status is first accepted, and those of two images.
+    // The greatest number of transactions that can have counted: 29 from 121 ms to 233 ms, when Port-Status is first
+    // accepted, and those of two images.
     const MOST: u16 = 29 + 2 * bounds::SSI_BUDGET as u16;
     let wrong = [(Violation::PortStatusWrong, 1)];
     assert_eq!(after(&|values| values.violations.count(TooMany, 2 * MOST)), []);
@@ -302,7 +305,7 @@ fn after_misconduct_counters_are_bounded_by_the_transactions() {
     assert_eq!(after(&|values| values.uplinks_accepted = u32::from(MOST)), []);
     assert_eq!(after(&|values| values.uplinks_accepted = u32::from(MOST) + 1), wrong);
     assert_eq!(after(&|values| values.commands_carried_out = u32::from(MOST) + 1), wrong);
-    // The values name a last command, but count no command.
+    // Port-Status names a last command but counts no command.
     assert_eq!(after(&|values| values.last_command_timestamp = 7), wrong);
 }
 
@@ -334,7 +337,7 @@ fn miso(log: &mut crate::Log, at: u64) -> &mut Vec<u8> {
     read.next().expect("a transaction")
 }
 
-/// Returns a log in which one uplink is written at [`AT`] and shows from `from` on.
+/// Returns a log in which one uplink is written at [`AT`], and which images show from `from` on.
 fn uplink_shown_from(from: u64) -> crate::Log {
     log(&[(AT, uplink(1_000, 7))], |published| {
         let mut shown = Shown::default();
@@ -351,7 +354,7 @@ const READ: u64 = 205 * MS;
 
 #[test]
 fn each_start_of_the_dpr_clears_what_it_has_accepted() {
-    // The DPR has received nothing before its first start, so any counter above zero is wrong.
+    // Before its first start the DPR has received nothing, so every counter above zero is wrong.
     let counted = |accepted| {
         broken(&log(&[], |_| {
             let mut shown = Shown::default();
@@ -467,7 +470,7 @@ fn a_self_test_may_fail_after_memory_was_damaged_and_not_otherwise() {
 fn a_map_without_a_timely_rise_of_fresh_is_not_judged() {
     for (clock, publication) in [("fast", bounds::PUBLICATION), ("pessimistic", bounds::PUBLICATION_PESSIMISTIC)] {
         for (late, expected) in [(0, vec![(Violation::PortStatusWrong, 1)]), (1, vec![])] {
-            // The last rise of FRESH is at 200 ms, and the only later transaction reads impossible values.
+            // FRESH rises at 200 ms for the last time. The only transaction after that reads impossible values.
             let mut log = log(&[], |published| {
                 let mut shown = Shown::default();
                 shown.values.uplinks_accepted = u32::from(published >= 200 * MS);
@@ -492,7 +495,7 @@ fn a_map_without_a_timely_rise_of_fresh_is_not_judged() {
     }
 }
 
-/// Returns the log of [`uplink_shown_from`] with a further rise of FRESH as the uplink's transaction ends.
+/// Returns the log of [`uplink_shown_from`], in which FRESH rises once more at the end of the uplink's transaction.
 fn ends_as_fresh_rises(from: u64) -> crate::Log {
     let mut log = uplink_shown_from(from);
     for event in log.events.iter_mut().filter(|event| event.at == 100 * MS) {
@@ -507,7 +510,7 @@ fn a_write_as_fresh_rises_shows_two_images_later() {
     assert_eq!(broken(&ends_as_fresh_rises(110 * MS)), []);
     assert_eq!(broken(&ends_as_fresh_rises(120 * MS)), []);
     assert_eq!(broken(&ends_as_fresh_rises(130 * MS))[0].0, Violation::PortStatusWrong);
-    // The judge accepts Port-Status as a reference only from the second image after a write.
+    // The judge accepts Port-Status as the reference only from the second image after a write.
     let over = ends(AT) - MS / 4;
     let mut log = ends_as_fresh_rises(120 * MS);
     insert(&mut log, 20 * MS, injected(MISUSE, over - bounds::MISUSE_OVER));
@@ -517,7 +520,8 @@ fn a_write_as_fresh_rises_shows_two_images_later() {
 #[test]
 fn what_port_status_has_decided_stays_so() {
     let written = [(AT, command(50, Command::SelfTest)), (AT + 40 * MS, command(60, Command::SelfTest))];
-    // The first self-test may have ended when the second command arrives. The images within `over` say that it has.
+    // A second command for a self-test arrives when the first self-test may be over. The images published within `over`
+    // say that it is over.
     let decided = |over: Range<u64>| {
         broken(&log(&written, |published| {
             let mut shown = Shown::default();
@@ -548,7 +552,8 @@ fn the_limits_of_an_uplinks_age() {
     let bytes = uplink(1, 1);
     let zeros = vec![0; Uplink::SIZE];
     let expiry = u64::from(Uplink::EXPIRY_MS);
-    // The uplink's transaction ended `ago` ms before the publication, and the image states the age `age`, ms.
+    // The uplink's transaction ended `ago` ms before the publication, and the image states the uplink's age as `age`
+    // ms.
     let may = |ago: u64, age: u64| {
         let fresh = age < expiry;
         let read = if fresh { &bytes } else { &zeros };
@@ -563,20 +568,21 @@ fn the_limits_of_an_uplinks_age() {
         );
         shows(&place, (fresh, age), Some(read), PUBLISHED)
     };
-    // Port-Status is made up to four cycles before its publication, and the DPR judges an uplink up to 2 ms after its
-    // transaction. Therefore the stated age may be 42 ms less than the true age. It may be 1 ms more, because a
-    // millisecond that has begun may count.
+    // The stated age may be 42 ms less than the true age: Port-Status is made up to four cycles before its publication,
+    // and the DPR judges an uplink up to 2 ms after its transaction. It may be 1 ms more, because the clock counts
+    // whole milliseconds.
     for ago in [100, 300, 499, 540, 541, 542, 700, 60_000] {
         for (age, allowed) in [(ago - 43, false), (ago - 42, true), (ago, true), (ago + 1, true), (ago + 2, false)] {
             assert_eq!(may(ago, age), allowed, "{age} ms for {ago} ms");
         }
     }
     assert!(may(10, 0), "it cannot be younger than nothing");
-    // The stated age stays at its greatest value.
+    // The stated age grows to 65535 ms and then stays there.
     assert!(may(66_000, 65_535));
     assert!(may(65_534, 65_535));
     assert!(!may(65_533, 65_535));
-    // Without a stored uplink the map must be empty there. If the stored uplink is not known, any bytes are right.
+    // If no uplink is stored, the map must have zeros in its place. If the stored uplink is not known, any bytes are
+    // right.
     let empty = |told, read| shows(&Place::Empty, told, read, PUBLISHED);
     assert!(empty((false, u16::MAX), None));
     assert!(empty((false, u16::MAX), Some(&zeros)));
@@ -587,7 +593,7 @@ fn the_limits_of_an_uplinks_age() {
     assert!(shows(&Place::Unknown, (true, 7), Some(&bytes), PUBLISHED));
 }
 
-/// Returns whether Port-Status may have these values after the DPR received the objects `sent` since its start.
+/// Returns whether Port-Status may have these values after the DPR has received the objects `sent` since its start.
 fn may(sent: &[Vec<u8>], change: impl FnOnce(&mut PortValues)) -> bool {
     let map_len = Layout::for_receivers(3).unwrap().map_len();
     let models = sent.iter().fold(vec![Model::at_start()], |models, mosi| step(&models, mosi, 0, map_len));
@@ -596,7 +602,7 @@ fn may(sent: &[Vec<u8>], change: impl FnOnce(&mut PortValues)) -> bool {
     models.iter().any(|model| model.fits(&values, 0))
 }
 
-/// Returns the MOSI bytes of a transaction that requests nothing and writes this object.
+/// Returns the MOSI bytes of a transaction that writes this object and requests nothing.
 fn writing(object: &[u8]) -> Vec<u8> {
     [&[0; 8], object].concat()
 }
@@ -613,7 +619,7 @@ fn an_uplink_must_be_newer_or_third_of_a_rising_row() {
         (&[1_000, 1, 2], 1, true),
         (&[1_000, 1, 2, 3], 2, false),
         (&[1_000, 1, 2, 3, 4], 3, false),
-        // A timestamp that is not newer begins a new series of newer timestamps.
+        // A timestamp that is not newer ends the series of newer timestamps, and begins a new one.
         (&[1_000, 1, 1, 2], 1, true),
         (&[1_000, 1, 1, 2, 3], 2, false),
         (&[1_000, 1, 2, 2_000, 3, 4], 2, true),
@@ -650,7 +656,7 @@ fn each_part_of_a_transaction_is_judged_by_itself() {
     assert_eq!(kinds(vec![0, 1, 0]), [Some(profile::Violation::TooShort)]);
     assert_eq!(kinds(vec![0xFF, 0]), [Some(profile::Violation::TooShort)]);
     assert_eq!(kinds(vec![0, 0, 1, 0, 0, 0, 0, 0]), [Some(profile::Violation::RequestDamaged)]);
-    // The DPR receives only eight bytes behind the written object.
+    // The DPR receives only eight bytes after the written object.
     for (behind, kind) in [(0, Some(profile::Violation::TooLong)), (7, Some(profile::Violation::TooLong)), (8, None)] {
         let mut mosi = vec![0; 100];
         mosi[72 + behind] = 1;
@@ -719,7 +725,6 @@ fn only_a_self_test_may_be_refused_while_another_runs() {
         Model::at_start().after(&test(1), 0, 500).iter().any(|model| model.fits(&values, at))
     };
     assert!(runs(bounds::SELF_TEST - 1) && !runs(bounds::SELF_TEST));
-    // The first self-test cannot be refused.
     let sent = [test(1)];
     assert!(says(&sent, 1, (1, Command::SelfTest), false, true));
     assert!(says(&sent, 1, (1, Command::SelfTest), false, false));
@@ -735,7 +740,7 @@ fn only_a_self_test_may_be_refused_while_another_runs() {
     assert!(says(&sent, 1, (2, Command::ClearCounters), false, true));
     assert!(!says(&sent, 1, (1, Command::SelfTest), true, true));
     assert!(!says(&sent, 2, (2, Command::ClearCounters), false, true));
-    // The command also clears the counters of uplinks and violations, and begins no self-test.
+    // The command that clears the counters also clears those of uplinks and violations, and begins no self-test.
     let sent = [writing(&uplink(5, 1)), writing(&uplink(5, 1)), clear(1)];
     assert!(says(&sent, 1, (1, Command::ClearCounters), false, false));
     assert!(!says(&sent, 1, (1, Command::ClearCounters), false, true));

@@ -1,11 +1,11 @@
 //! Judges which objects transactions read as valid: is one missing, out of sequence or too old?
 //!
-//! An object or a cycle is *shown* if a transaction reads it as valid. Two records are the reference: what HORUS put on
-//! the air ([`crate::truth`]), and how much of it reached the DPR's antenna ([`crate::expectation`]).
+//! An object or a cycle is *shown* if a transaction reads it as valid. The references are what HORUS put on the air
+//! ([`crate::truth`]), and how much of it reached the DPR's antenna ([`crate::expectation`]).
 //!
 //! # Which violation is which
 //!
-//! An object that was read as valid is judged once, by the first of these rows that applies:
+//! An object that was read as valid is judged by the first of these rows that applies:
 //!
 //! | the object | violation |
 //! |---|---|
@@ -15,26 +15,28 @@
 //! | the deadline after the last frame has passed | `ShownStale` |
 //! | HORUS sent it before another object of its kind that was already shown | `Regression` |
 //!
-//! Stale data that stay in the image expire later; data with both faults are reported only as expired.
+//! Stale data that stay in the image expire later. Data that are both stale and expired are reported only as expired.
 //!
-//! `NotShown` means that no transaction shows a cycle that must be shown. `Vacant` means that an object is missing
-//! while others of its cycle are shown. Both concern only transactions that began after the cycle's image had to be
-//! readable and before the next image could be. Neither applies where the object's bytes are another violation: one of
-//! the table above, or damage (rule `ssi`). Rule `ssi` also judges whether a transaction may read 0xFF throughout.
+//! `NotShown` means that no transaction shows a cycle that must be shown, and `Vacant` that an object is missing while
+//! others of its cycle are shown. They concern only transactions that began after the cycle's image had to be readable
+//! and before the next image could be.
+//!
+//! Neither `NotShown` nor `Vacant` is reported for an object whose bytes are reported as a violation of the table or,
+//! by rule `ssi`, as damage. Rule `ssi` also judges whether a transaction may read 0xFF throughout.
 //!
 //! # A DPR that hangs
 //!
-//! From the instant at which the bench stops the DPR's core until the DPR's next start, nothing new must be shown. Data
-//! whose deadline had not passed by that instant may stay. An expired image must not be read even then, because its
-//! expiry needs no processor. A DPR with a dead task is judged in the same way, but may show what it receives.
+//! While the bench has stopped the DPR's core, until the DPR's next start, nothing new must be shown. Data whose
+//! deadline had not passed when the core stopped may stay until their image expires: hardware withdraws an expired
+//! image without the processor. A DPR with a dead task is judged in the same way, but may show what it receives.
 //!
 //! # Limits
 //!
-//! - The image before may stay after a frame that the DPR received but that brought nothing to show. Such an image is
-//!   reported only when its deadline or its 25 ms have passed.
-//! - A transaction longer than a second is not judged, because the frames of its bytes are not kept for so long.
-//! - While [`Excuse::Hearing`] holds, no cycle must be shown, and any that reached the antenna may be. When an
-//!   [`Excuse::Withdrawal`] begins, a cycle that no transaction has had to show yet need not be shown any more.
+//! - After a received frame that brought nothing to show, the previous image may stay. It is reported only after its
+//!   deadline, or after 25 ms.
+//! - A transaction longer than a second is not judged, because the frames that it may have read are no longer kept.
+//! - While [`Excuse::Hearing`] holds, a cycle that reached the antenna may be shown but need not be. When an
+//!   [`Excuse::Withdrawal`] begins, a cycle that no transaction has had to show yet need not be shown.
 
 mod recovery;
 #[cfg(test)]
@@ -61,27 +63,27 @@ const WAITING: usize = 16;
 struct Due {
     frame: Delivery,
     timestamp: u32,
-    /// The objects that must be shown; bit n is object n.
+    /// The objects of the cycle that must be shown; bit n is object n.
     objects: u8,
-    /// The instant, ns, from which on a transaction has to show the cycle.
+    /// The instant, ns, from which on each transaction has to show the cycle.
     from: u64,
-    /// The instant, ns, before which a transaction has to show the cycle.
+    /// The instant, ns, until which each transaction has to show the cycle.
     until: u64,
     /// The instant, ns, at which the first transaction began that had to show the cycle but did not.
     asked: Option<u64>,
-    /// Whether a transaction showed the cycle, or another violation in its place.
+    /// Whether a transaction showed the cycle, or had another violation in place of it.
     answered: bool,
 }
 
-/// The bytes of an object as they were last shown.
+/// An object as it was last shown.
 #[derive(Clone, Debug)]
 struct LastShown {
     bytes: Vec<u8>,
-    /// The instant, ns, at which the object expired.
+    /// The instant, ns, at which the object's image expired.
     expired: u64,
 }
 
-/// Data that were shown after their deadline and have not expired.
+/// Data that were shown after their deadline but before they expired.
 #[derive(Clone, Debug)]
 struct Stale {
     at: u64,
@@ -115,7 +117,7 @@ enum Fate {
         /// The instant, ns, at which the frame's first preamble bit began.
         started: u64,
     },
-    /// The object must not be shown: the violation, the serial number of its frame, and the violation in words.
+    /// The object must not be shown. The fields are the violation, the serial number of the object's frame, and words.
     Wrong(Violation, u64, String),
 }
 
@@ -149,7 +151,7 @@ impl Rule for Shown {
                 self.deliveries.clear();
                 self.known.fill(None);
             }
-            // A frame that did not have to be readable before the hang may never become readable.
+            // A frame that did not have to be readable before the hang may stay unreadable.
             What::Hung { board: Board::Dpr } => {
                 self.due.retain(|due| due.from <= event.at);
                 let publication = bounds::LAST_BIT_TO_READABLE.max(self.publication);
@@ -160,11 +162,11 @@ impl Rule for Shown {
                     }
                 }
             }
-            // The DPR removes the image with the disturbed bit, possibly before any transaction has read it.
+            // The DPR withdraws the image with the disturbed bit, perhaps before a transaction has read it.
             What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Withdrawal) => {
                 self.due.retain(|due| due.asked.is_some());
             }
-            // A frame is lost if the front end had not handed it over before the disturbance.
+            // The disturbance of the front end loses each frame that the DPR had not read completely.
             What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Hearing) => {
                 self.due.retain(|due| due.frame.ended + bounds::STORE_AND_FORWARD <= event.at);
             }
@@ -205,7 +207,7 @@ impl Shown {
         let mut objects = objects.fold(0, |mask, (index, ..)| mask | 1 << index);
         let mut timestamp = delivery.timestamp;
         if let Some(before) = self.due.back_mut() {
-            // The DPR may publish a new image after any frame.
+            // Each frame may make the DPR publish a new image, which replaces the one before.
             before.until = before.until.min(ended);
             if delivery.received == Certainty::Must && delivery.completes(&before.frame) {
                 objects |= before.objects;
@@ -222,9 +224,9 @@ impl Shown {
         self.deliveries.push_back(delivery);
     }
 
-    /// Judges each cycle that no transaction after `now` has to show, or with `all` every cycle.
+    /// Judges each cycle that no transaction after `now` has to show. With `all`, every cycle is judged.
     fn close(&mut self, now: u64, all: bool, findings: &mut Findings) {
-        // A transaction that is under way may still show the cycle.
+        // A transaction under way, which has no bytes in the log yet, may still show the cycle.
         let open = |due: &Due, selected: Option<u64>| selected.is_some_and(|selected| selected < due.until);
         while let Some(due) = self.due.front() {
             let over = now > due.until && !open(due, self.selected);
@@ -280,8 +282,8 @@ impl Shown {
         self.ask(reading, answered, findings);
     }
 
-    /// Reports stale data when they are no longer shown, unless they have expired. `now` is the stale data still shown,
-    /// if any.
+    /// Reports stale data once they are no longer shown and have not expired. `now` has the stale data that are still
+    /// shown.
     fn note_stale(&mut self, at: u64, now: Option<(u64, String)>, findings: &mut Findings) {
         let serial = now.as_ref().map(|(serial, _)| *serial);
         if let Some(gone) = self.stale.take_if(|stale| serial != Some(stale.serial)) {
@@ -321,8 +323,7 @@ impl Shown {
         Fate::Right { serial, started }
     }
 
-    /// Returns the instant, ns, at which the image expires in which a transaction begun at `selected` may read this
-    /// object.
+    /// Returns the instant, ns, at which the object's image expires, for a transaction that began at `selected`.
     fn expires(&self, placed: &Placed, selected: u64) -> Option<u64> {
         let mut found = false;
         for delivery in self.deliveries.iter().rev().filter(|delivery| delivery.ended <= selected) {
@@ -335,17 +336,19 @@ impl Shown {
             if *fate > Certainty::Never {
                 return Some(readable + bounds::EXPIRY);
             }
-            // The object came again in a later frame, and that frame's image has replaced the earlier one.
+            // A later frame brought the object again, and its image has replaced the earlier one.
             if delivery.received == Certainty::Must && selected > readable {
                 return None;
             }
         }
-        // The object was shown before, rightly, and is still in the image after its frame was dropped from the record.
+        // A transaction showed this object rightly before. The image still has it, although the record of frames has
+        // dropped its frame.
         let known = self.known[placed.index].as_ref().filter(|known| !found && known.bytes == placed.bytes);
         known.map(|known| known.expired)
     }
 
-    /// Judges whether a transaction shows the cycles that it must, unless another violation explains it (`answered`).
+    /// Judges whether a transaction shows the cycles that it must show. `answered` means that another violation
+    /// explains what it reads.
     fn ask(&mut self, reading: &Reading, answered: bool, findings: &mut Findings) {
         let selected = reading.selected;
         for due in &mut self.due {
@@ -390,12 +393,12 @@ impl Shown {
     }
 }
 
-/// Returns how long, ns, the DPR waits after this frame for its cycle's second frame.
+/// Returns how long, ns, the DPR waits after this frame for the second frame of the cycle.
 fn awaits_second(layout: Layout, frame: &Delivery) -> u64 {
     if frame.number + 1 < layout.frames() { bounds::SECOND_FRAME } else { 0 }
 }
 
-/// Returns the longest time, ns, from the frame or deadline that causes an image until the image is readable.
+/// Returns the longest time, ns, from the frame or deadline that causes an image until the image can be read.
 #[must_use]
 pub fn publication(worst_case: bool) -> u64 {
     if worst_case { bounds::PUBLICATION_PESSIMISTIC } else { bounds::PUBLICATION }

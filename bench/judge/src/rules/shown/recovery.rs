@@ -1,43 +1,44 @@
-//! Judges how long after a disturbance the flight controller first reads an object that HORUS sent after it.
+//! Judges how soon after a disturbance the flight controller reads an object that HORUS sent after the disturbance.
 //!
 //! In this module a disturbance is one of these:
 //!
 //! - an injected fault that ends,
 //! - a restart of either board,
 //! - a supply that goes off or on,
-//! - a frame that reaches the DPR's antenna otherwise than HORUS sent it,
+//! - a frame that arrives at the DPR's antenna late, or not as HORUS sent it,
 //! - a hang that the bench causes; it ends when the board restarts, by its watchdog or otherwise.
 //!
 //! After a disturbance the link must recover within [`bounds::RECOVERY_CYCLES`] cycles, or within
-//! [`bounds::BRING_UP_CYCLES`] cycles if a front end has to be brought up again. Disturbances that overlap, or follow
-//! each other before a recovery, count as one: the recovery is measured from the last end, and the latest limit
-//! applies.
+//! [`bounds::BRING_UP_CYCLES`] cycles if a front end has to be brought up again. Disturbances that overlap, or that
+//! begin before the recovery from another one, count as one: it ends with the last of them and has the latest of their
+//! limits.
 //!
-//! A late recovery is not reported after a violation that explains it ([`keeps_from_reading`]).
+//! A late recovery is not reported if another violation explains it ([`keeps_from_reading`]).
 
 use crate::{Event, Findings, Violation, What, bounds};
 
-/// How long, ns, before the end of the run disturbances are no longer measured: longer than any recovery takes.
+/// The length, ns, of the end of a run in which disturbances are not measured: longer than any recovery takes.
 const TAIL: u64 = 400_000_000;
 
-/// Disturbances that count as one, because the link did not recover between them.
+/// Several disturbances that count as one, because the link did not recover between them.
 #[derive(Clone, Copy, Debug)]
 struct Causes {
     /// The instant, ns, at which the last of the disturbances ended.
     since: u64,
     /// The instant, ns, by which the link must have recovered.
     due: u64,
-    /// Whether a front end must be brought up again.
+    /// Whether a front end must be brought up again after one of the disturbances.
     bring_up: bool,
-    /// The number of violations, when the first disturbance began, of the kinds that explain a late recovery.
+    /// The number of explaining violations when the first disturbance began.
     told: u64,
 }
 
-/// The longest times until an object that HORUS sent after a disturbance was read, in cycles of 10 ms, rounded up.
+/// The longest recoveries, in cycles of 10 ms, rounded up: from a disturbance's end until an object that HORUS sent
+/// after it was read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Longest {
     pub(super) all: Option<u64>,
-    /// The longest time of the recoveries without a bring-up of a front end.
+    /// The longest recovery that needed no bring-up of a front end.
     pub(super) without_bring_up: Option<u64>,
 }
 
@@ -45,13 +46,13 @@ pub(super) struct Longest {
 pub(super) struct Recovery {
     /// The disturbances from which the link has not recovered.
     causes: Option<Causes>,
-    /// Whether the present recovery has been reported as late.
+    /// Whether the late end of the present recovery has been reported.
     late: bool,
-    /// Whether HORUS and the DPR are without a supply.
+    /// Whether HORUS has no supply, and whether the DPR has none.
     off: [bool; 2],
     hung: [bool; 2],
-    /// The disturbances of the last [`TAIL`] from which the link has recovered. With each is the instant, ns, at which
-    /// the transaction began that showed the recovery.
+    /// The disturbances of the last [`TAIL`] from which the link has recovered. The instant, ns, is the start of the
+    /// transaction that first read a new object.
     recent: Vec<(Causes, u64)>,
     /// The last frame that HORUS sent: the instant, ns, of its first bit, and its bytes.
     sent: Option<(u64, Vec<u8>)>,
@@ -62,7 +63,7 @@ impl Recovery {
     pub(super) fn take(&mut self, event: &Event, findings: &mut Findings) {
         self.settle(event.at, findings);
         match &event.what {
-            // A fault that never ends does not count here, because the link cannot recover from it.
+            // From a fault that never ends the link cannot recover, so the fault is not measured.
             What::Injected { disturbs, until, .. } if *until < u64::MAX => {
                 let bring_up = disturbs.brings_up();
                 self.cause((*until).max(event.at), bring_up, findings);
@@ -110,7 +111,7 @@ impl Recovery {
         self.off.contains(&true) || self.hung.contains(&true)
     }
 
-    /// Records that a transaction begun at `selected`, ns, showed an object of a frame begun at `started`, ns.
+    /// Records a transaction begun at `selected`, ns, that showed an object of a frame begun at `started`, ns.
     pub(super) fn shown(&mut self, started: u64, selected: u64) {
         if self.is_open() {
             return;
@@ -144,7 +145,7 @@ impl Recovery {
         });
     }
 
-    /// Returns the longest recoveries. A recovery that is not complete counts until `end`, the end of the run.
+    /// Returns the longest recoveries. A recovery that is not complete at the `end` of the run counts until then.
     pub(super) fn finish(&mut self, end: u64, findings: &mut Findings) -> Longest {
         self.settle(end, findings);
         let open = self.is_open();
@@ -171,7 +172,7 @@ fn told(findings: &Findings) -> u64 {
     findings.counts().filter(|(violation, _)| keeps_from_reading(*violation)).map(|(_, count)| count).sum()
 }
 
-/// Returns whether a violation means that a sample may be lost between HORUS's tick and the flight controller.
+/// Returns whether this violation means that a sample may be lost on its way to the flight controller.
 const fn keeps_from_reading(violation: Violation) -> bool {
     matches!(
         violation,
@@ -213,7 +214,7 @@ fn tell(causes: &Causes, read: Option<u64>, findings: &mut Findings) {
     });
 }
 
-/// Returns the number of cycles of 10 ms that begin in the time `from..to`, at least one.
+/// Returns the number of cycles of 10 ms in the time from `from` to `to`, rounded up; at least one.
 fn cycles(from: u64, to: u64) -> u64 {
     to.saturating_sub(from).div_ceil(bounds::CYCLE).max(1)
 }
@@ -230,7 +231,7 @@ mod tests {
         Event { at, what: testing::injected(kind, until) }
     }
 
-    /// Returns the violations if these events happen and then a frame is sent and read just before `read`.
+    /// Returns the violations if `events` happen, and then a frame is sent and read just before `read`.
     fn judged(events: &[Event], read: u64, others: u64) -> (Vec<Violation>, Longest) {
         let (mut recovery, mut findings) = (Recovery::default(), Findings::default());
         events.iter().for_each(|event| recovery.take(event, &mut findings));
@@ -260,7 +261,7 @@ mod tests {
             let without_bring_up = (cycles == 5).then_some(5);
             assert_eq!((found, longest), (vec![], Longest { all: Some(cycles), without_bring_up }), "{kind:?}");
             assert_eq!(judged(&cause, due + 1, 0).0, [Violation::RecoversLate], "{kind:?}");
-            // The late recovery is a consequence of the violation that is reported.
+            // The missing cycle is reported and explains the late recovery, which is not reported.
             assert_eq!(judged(&cause, due + 1, 1).0, [Violation::NotShown], "{kind:?}");
         }
     }
@@ -289,8 +290,7 @@ mod tests {
     fn of_causes_that_overlap_each_has_its_own_bound() {
         let front_end = injected(50 * MS, DPR_FRONT_END, 100 * MS);
         let air = |until| injected(60 * MS, Disturbance::Air, until);
-        // The link must recover by 250 ms from the fault of the front end, and by 170 ms or 260 ms from that of the
-        // air.
+        // The front end's fault allows a recovery until 250 ms. The fault of the air allows it until 170 ms or 260 ms.
         let judged = |until, read| judged(&[front_end.clone(), air(until)], read, 0).0;
         assert_eq!(judged(120 * MS, 250 * MS), []);
         assert_eq!(judged(120 * MS, 250 * MS + 1), [Violation::RecoversLate]);
@@ -354,7 +354,8 @@ mod tests {
                 assert_eq!((found, longest), (vec![], Longest { all, without_bring_up: None }));
                 assert_eq!(judged(&cause, due + 1, 0).0, [Violation::RecoversLate]);
             }
-            // Until the restart the link does not count as recovered, and no recovery is late.
+            // A hang lasts until the board restarts. Before that, the link cannot be late in its recovery from the
+            // hang.
             let (mut recovery, mut findings) = (Recovery::default(), Findings::default());
             recovery.take(&hung(50 * MS, board), &mut findings);
             recovery.shown(60 * MS, 65 * MS);

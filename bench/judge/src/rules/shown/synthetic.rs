@@ -1,6 +1,6 @@
 //! Makes a log in which HORUS, the air and the DPR follow the design, to test the rules `shown` and `link_status`.
 //!
-//! The DPR is a small model that shows what `profile::sequence` permits, which the judge does not use.
+//! The DPR is a small model. It uses `profile::sequence`, which the judge does not use.
 
 use std::collections::BTreeMap;
 
@@ -19,11 +19,11 @@ pub(crate) const MS: u64 = 1_000_000;
 #[derive(Clone, Debug)]
 pub(crate) enum Air {
     Lost,
-    /// The air damages these objects.
+    /// The air damages these objects of the frame.
     Hit(Vec<usize>),
-    /// The frame arrives this much later, ns.
+    /// The frame arrives late by this time, ns.
     Delayed(u64),
-    /// The frame arrives again this much later, ns.
+    /// The frame arrives a second time after this time, ns.
     Repeated(u64),
     Cut,
 }
@@ -49,22 +49,23 @@ impl Image {
 pub(crate) struct Run {
     pub(crate) n: usize,
     pub(crate) cycles: u32,
-    /// The effects of the air, by the number of the cycle (from 1) and the number of the frame in it (from 0).
+    /// The effect of the air on each frame, by the cycle's number (from 1) and the frame's number in the cycle (from
+    /// 0).
     pub(crate) hits: BTreeMap<(u32, usize), Air>,
-    /// The cycles before which HORUS restarts; its timestamps begin anew, and its ticks move.
+    /// The cycles before which HORUS restarts. At each restart HORUS's timestamps begin anew, and its ticks move.
     pub(crate) horus_starts: Vec<u32>,
-    /// The cycles that repeat the timestamp of the cycle before.
+    /// The cycles that have the same timestamp as the cycle before.
     pub(crate) frozen: Vec<u32>,
     /// The length of HORUS's cycle, ns.
     pub(crate) period: u64,
-    /// The instant, ns, at which the DPR restarts, the cause, and the reason that the DPR states.
+    /// The restart of the DPR: its instant (ns), its cause, and the reason that the DPR states.
     pub(crate) dpr_start: Option<(u64, crate::Cause, ResetReason)>,
     pub(crate) extra: Vec<Event>,
     /// The length of the flight controller's control cycle, ns.
     pub(crate) control: u64,
     /// The number of bytes that each transaction reads.
     pub(crate) length: usize,
-    /// The instant, ns, at which the only transaction begins; `None` for one in each control cycle.
+    /// The instant, ns, at which the only transaction begins; `None` if there is one in each control cycle.
     pub(crate) only: Option<u64>,
     pub(crate) clock: &'static str,
 }
@@ -260,7 +261,7 @@ const OWN: [Violation; 11] = [
     Violation::LinkTime,
 ];
 
-/// Returns the violations of the rules `shown` and `link_status`; the log lacks what the other rules need.
+/// Returns the violations of the rules `shown` and `link_status`. The log lacks events that the other rules need.
 pub(crate) fn kinds(verdict: &Verdict) -> Vec<Violation> {
     verdict.kinds().filter(|kind| OWN.contains(kind)).collect()
 }
@@ -273,14 +274,14 @@ enum Due {
     Cycle,
 }
 
-/// A DPR that follows the design; its clock counts µs from its start.
+/// A model of the DPR that follows the design. Its clock counts µs from its start.
 #[derive(Clone, Debug)]
 struct Dpr {
     layout: Layout,
     since: u64,
     reason: ResetReason,
     sequence: Sequence,
-    /// The state of the sequence after the last frame whose image has been published.
+    /// The state of the sequence after the last frame with a published image.
     told: Sequence,
     /// The frames of the current cycle that have arrived, as bits.
     seen: u8,
@@ -329,7 +330,7 @@ impl Dpr {
         (at - self.since) / US
     }
 
-    /// Runs the DPR until `end`. The frames in `heard` reach its antenna; the DPR misses those of its first 30 ms.
+    /// Runs the DPR until `end`. The frames in `heard` reach its antenna; in its first 30 ms the DPR receives none.
     fn run(mut self, heard: &[(u64, Vec<u8>, bool)], end: u64, images: &mut Vec<Image>) {
         let listens = self.since + 30 * MS..end;
         for (at, payload, _) in heard.iter().filter(|(at, ..)| listens.contains(at)) {

@@ -1,8 +1,8 @@
 //! Determines what is wrong with an object's bytes that are neither an intact object nor empty.
 //!
-//! If the image changes during a transaction, the transaction reads bytes of several images. Each byte of the object
-//! then is one that HORUS sent in some cycle, or a fill byte of a scrub, but no single cycle explains all of them. An
-//! object that differs by only one bit from what was sent counts as damaged.
+//! If the image changes during a transaction, the transaction reads bytes of several images. Each byte of the object is
+//! then one that HORUS sent in some cycle, or a fill byte of a scrub, but no single cycle explains all of them. An
+//! object that differs in only one bit from what was sent counts as damaged.
 
 use std::collections::VecDeque;
 
@@ -24,7 +24,7 @@ pub(super) struct Damage {
 }
 
 impl Damage {
-    /// Keeps an intact Link-Status of a transaction, or of an image that FRESH announced.
+    /// Keeps the Link-Status of a transaction, or of an image that FRESH announced, if it is intact.
     pub(super) fn remember(&mut self, reading: &Reading) {
         let Some((Some(Ok(_)), link)) = Some(reading.link).zip(reading.miso.first_chunk()) else { return };
         if self.links.contains(link) {
@@ -36,8 +36,8 @@ impl Damage {
         self.links.push_back(*link);
     }
 
-    /// Reports what is wrong with the bytes of a transaction; returns whether anything is. With `spliced`, Link-Status
-    /// and the objects come from two images.
+    /// Reports the error in the bytes of a transaction, and returns whether there is one. `spliced` means that
+    /// Link-Status and the objects come from two images.
     pub(super) fn find(
         &self,
         reading: &Reading,

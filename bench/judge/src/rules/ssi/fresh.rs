@@ -2,17 +2,18 @@
 //!
 //! # What FRESH announces
 //!
-//! After a rise of FRESH, a transaction reads the new image, or 0xFF throughout while the DPR is putting the image in,
-//! but never an older image (docs/design.md#publication, `dpr_fw::publish`). The DPR raises FRESH
+//! After a rise of FRESH, a transaction reads the new image, or 0xFF throughout while the DPR is putting the image in.
+//! It never reads an older image (docs/design.md#publication, `dpr_fw::publish`). There are two cases:
 //!
-//! - before the processor gives the SSI's buffers back, so that no image is readable before FRESH has announced it;
-//! - at once if a transaction is under way, which still reads the image before.
+//! - Without a transaction under way, FRESH rises before the processor gives the SSI's buffers back, so that no image
+//!   is readable before FRESH has announced it.
+//! - With a transaction under way, FRESH rises at once, although this transaction still reads the previous image.
 //!
-//! Therefore it may not be known at the rise which bytes FRESH announces. The first evidence counts: the bytes that
-//! could be read when FRESH falls, or those of a transaction that began after the rise. FRESH rises for each
-//! publication, also for that of the image without objects after a missed frame.
+//! At a rise of FRESH the log may not yet have the bytes of the announced image. The judge takes them from what could
+//! be read when FRESH falls, or from the first transaction that begins after the rise. FRESH rises for each
+//! publication, also for an image without objects after a missed frame.
 //!
-//! The image that a transaction reads must have been announced before the transaction began.
+//! An image must have been announced before the transaction that reads it began.
 
 use std::collections::VecDeque;
 
@@ -24,14 +25,14 @@ use crate::read::{Reading, State};
 use crate::rules::is_later;
 use crate::{Findings, Violation};
 
-/// The number of rises of FRESH that are kept: more than there usually are within a transaction.
+/// The number of rises of FRESH that are kept: more than usually come within one transaction.
 const REMEMBERED: usize = 64;
 
-/// The features that distinguish one image from another.
+/// The features of an image by which the judge tells it from others.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Mark {
     link: Option<LinkValues>,
-    /// The timestamp of the objects, ms.
+    /// The timestamp of the objects in the image, ms.
     stamp: Option<u32>,
 }
 
@@ -42,9 +43,9 @@ impl Mark {
         (mark != Self { link: None, stamp: None }).then_some(mark)
     }
 
-    /// Returns whether this image was made after the image `before`. Of two images with equal times and counters, the
-    /// one with the greater age is newer. If their status differs, the order is not known: an image without objects may
-    /// follow one with objects within the same millisecond.
+    /// Returns whether this image was made after the image `before`. If times and counters are equal, the image with
+    /// the greater age is newer. Images with different status may have been made in either order, because an image
+    /// without objects may follow one with objects within a millisecond.
     fn is_newer_than(&self, before: &Self) -> bool {
         let Some((now, then)) = self.link.zip(before.link) else { return self.stamp != before.stamp };
         let counters = |link: LinkValues| {
@@ -61,7 +62,8 @@ impl Mark {
             || counters(now).into_iter().zip(counters(then)).any(|(now, then)| is_later(now, then))
     }
 
-    /// Returns whether both may be of one image; `None` if not known. Timestamps recur after a restart of HORUS.
+    /// Returns whether both sets of features may be those of one image; `None` if not known. Timestamps recur after a
+    /// restart of HORUS.
     fn is_of(&self, other: &Self) -> Option<bool> {
         let stamps = self.stamp.zip(other.stamp).map(|(a, b)| a == b);
         let times = self.link.zip(other.link).map(|(a, b)| a.timestamp == b.timestamp);
@@ -71,7 +73,8 @@ impl Mark {
         }
     }
 
-    /// Returns whether both certainly are of one image, which without Link-Status they are not: timestamps recur.
+    /// Returns whether both sets of features certainly are those of one image. Without Link-Status this is not certain,
+    /// because timestamps recur.
     fn is_the_same_as(&self, other: &Self) -> bool {
         let links = self.link.zip(other.link).is_some_and(|(a, b)| a == b);
         self.is_of(other) == Some(true) && links
@@ -83,9 +86,9 @@ struct Claim {
     rose: u64,
     /// The features of the announced image; `None` while not known.
     mark: Option<Mark>,
-    /// Whether this rise was reported as not justified.
+    /// Whether this rise of FRESH was reported as unjustified.
     told: bool,
-    /// Whether an image that no rise announced has been read since this rise and reported.
+    /// Whether an unannounced image has been read since this rise of FRESH, and reported.
     unannounced: bool,
 }
 
@@ -98,14 +101,14 @@ impl Claim {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Claims {
     claims: VecDeque<Claim>,
-    /// The bytes that FRESH announced last, if they are an unsound image; else empty.
+    /// The bytes that FRESH announced last, if they are an unsound image; empty if not.
     condemned: Vec<u8>,
     /// The newest timestamp that a transaction has read, ms.
     newest: Option<u32>,
 }
 
 impl Claims {
-    /// Records a rise of FRESH. With `excused`, there is a reason why no transaction could begin.
+    /// Records a rise of FRESH. `excused` says that there is a reason why no transaction could begin.
     pub(super) fn rise(
         &mut self,
         rose: u64,
@@ -142,7 +145,7 @@ impl Claims {
         }
     }
 
-    /// Judges the image `offered`, which the last rise of FRESH announced.
+    /// Judges the image `offered`, which a transaction would read after the last rise of FRESH.
     fn offer(&mut self, offered: &Reading, cycles: &mut Cycles, disturbances: &Disturbances, findings: &mut Findings) {
         let Some((claim, before)) = self.claims.make_contiguous().split_last_mut() else { return };
         let unsound = offered.objects.iter().any(|object| matches!(object.state, State::Unsound(_)));
@@ -153,7 +156,7 @@ impl Claims {
         }
         claim.mark = Mark::of(offered);
         let Some(mark) = claim.mark else { return };
-        // A rise may follow late for an image that was read before.
+        // An image may have been read before FRESH rose for it, too late.
         let previous = before.last().filter(|before| !before.unannounced).and_then(|before| before.mark);
         let replaces = |previous| disturbances.excuse(Excuse::UnsoundImage, claim.rose) && mark == previous;
         if previous.is_some_and(|previous| !mark.is_newer_than(&previous) && !replaces(previous)) {
@@ -168,7 +171,7 @@ impl Claims {
         !miso.is_empty() && self.condemned.starts_with(miso)
     }
 
-    /// Returns whether Link-Status is from one announced image and the objects are from another.
+    /// Returns whether Link-Status and the objects belong to two different announced images.
     pub(super) fn is_spliced(&self, reading: &Reading) -> bool {
         let Some(Mark { link: Some(link), stamp: Some(stamp) }) = Mark::of(reading) else { return false };
         let marks = || self.claims.iter().filter_map(|claim| claim.mark);
@@ -187,11 +190,12 @@ impl Claims {
     ) {
         let Some(mark) = Mark::of(reading) else { return };
         let selected = reading.selected;
-        // Another rule reports objects that are older than objects read before.
+        // If a transaction reads objects that are older than objects read earlier, another rule reports it.
         let regressed = self.newest.zip(mark.stamp).is_some_and(|(newest, stamp)| is_later(newest, stamp));
         let announced = self.claims.partition_point(|claim| claim.rose <= selected);
         if announced == 0 && self.claims.len() == REMEMBERED {
-            // Earlier rises of FRESH are no longer kept, because the flight controller held chip select for so long.
+            // The flight controller held chip select for so long that the record has lost the rises of FRESH before its
+            // fall.
             return;
         }
         let older = |claim: &Claim| claim.mark.is_some_and(|older| older.is_the_same_as(&mark));
@@ -222,7 +226,7 @@ impl Claims {
                 }
             }
             Some(_) => {
-                // From now on the image that was read counts as the announced one, so that it is reported once.
+                // An image that FRESH did not announce counts as announced from now on, so that it is reported once.
                 (claim.mark, claim.unannounced) = (Some(mark), true);
                 if regressed {
                     return;
@@ -234,7 +238,7 @@ impl Claims {
     }
 }
 
-/// Reports that FRESH had not announced an image that was read.
+/// Reports an image that was read and that FRESH had not announced.
 fn missing(selected: u64, mark: Mark, cycles: &mut Cycles, findings: &mut Findings) {
     if !mark.stamp.is_some_and(|stamp| cycles.unannounced(stamp)) {
         findings.add(Violation::FreshMissing, selected, || "FRESH had not announced it".into());
@@ -283,7 +287,7 @@ mod tests {
         {
             assert_eq!(one.is_the_same_as(&other), same, "{one:?} {other:?}");
         }
-        // Two sets of features may be those of one image unless times or timestamps differ.
+        // Two sets of features may belong to one image unless their times or their timestamps differ.
         let times = Mark { link: Some(link), stamp: None };
         let again = Mark { link: Some(LinkValues { timestamp: 1343, ..link }), ..whole };
         let next = Mark { stamp: Some(100), ..whole };

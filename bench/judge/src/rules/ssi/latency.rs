@@ -9,10 +9,10 @@ use crate::bounds;
 use crate::read::Frame;
 use crate::{Findings, Max, Quantiles, Violation};
 
-/// The number of cycles that are kept; they last much longer than an image is readable.
+/// The number of cycles that are kept. Together they last much longer than an image stays readable.
 const REMEMBERED: usize = 100;
 
-/// A frame is sent within its cycle, so a few ticks are enough.
+/// The number of ticks that are kept. A frame is sent within its cycle, so a few are enough.
 const TICKS: usize = 4;
 
 #[derive(Clone, Debug, Default)]
@@ -21,15 +21,17 @@ struct Cycle {
     /// The instant, ns, of the cycle's tick; `None` if there was no tick before its first frame.
     tick: Option<u64>,
     started: [Option<u64>; 2],
-    /// The instant, ns, at which the last bit of the last frame reached the DPR's antenna; `None` for a delayed frame.
-    /// For a frame that came again and may have been missed before, its last arrival counts.
+    /// The instant, ns, at which the last bit of the cycle's last frame reached the DPR's antenna; `None` for a delayed
+    /// frame. If a frame came again and may have been missed before, its last arrival counts.
     last_bit: Option<u64>,
-    /// Whether the DPR may have missed the last frame.
+    /// Whether the DPR may have missed the cycle's last frame.
     may_be_missed: bool,
-    /// The longer time, ns, in which the cycle must be readable after its last bit; `None` for the usual time. The
-    /// longer time applies if LEN may be damaged, so that the DPR can neither read the objects early nor recognise the
-    /// second frame. It also applies if the DPR may have missed the second frame, and shows the first alone when the
-    /// second is overdue.
+    /// The time, ns, in which the cycle must be readable after its last bit, if it is longer than usual; `None`
+    /// otherwise.
+    ///
+    /// The time is longer than usual if LEN may be damaged, because the DPR can then neither read the objects early nor
+    /// recognise the second frame. It is also longer if the DPR may have missed the second frame and waits until that
+    /// frame is overdue.
     longer: Option<u64>,
     readable: bool,
     late: bool,
@@ -81,8 +83,8 @@ impl Cycles {
         }
     }
 
-    /// Records that the DPR's front end fails at `at`, ns, and loses a frame that it has not handed over. Without its
-    /// second frame, the first is shown only when the second is overdue.
+    /// Records that the DPR's front end fails at `at`, ns, and loses each frame that the DPR has not read. If the
+    /// second frame is lost, the first is shown only when the second is overdue.
     pub(super) fn front_end_fails(&mut self, at: u64) {
         let handed_over = |last_bit: &u64| last_bit + bounds::STORE_AND_FORWARD <= at;
         for cycle in &mut self.cycles {
@@ -90,8 +92,8 @@ impl Cycles {
         }
     }
 
-    /// Records a whole frame whose last bit reached the antenna at `ended`. `len` is its LEN, if the DPR can read it;
-    /// with `may_be_missed`, the DPR may miss the frame.
+    /// Records a whole frame whose last bit reached the antenna at `ended`. `len` is the frame's LEN, if the DPR can
+    /// read it. `may_be_missed` says that the DPR may miss the frame.
     pub(super) fn heard(
         &mut self,
         layout: Layout,
@@ -119,7 +121,7 @@ impl Cycles {
         self.cycles.iter_mut().rev().find(|cycle| cycle.stamp == stamp)
     }
 
-    /// Records that FRESH announced the cycle with the timestamp `stamp` at the instant `rose`.
+    /// Records that FRESH rose at `rose` and announced the cycle with the timestamp `stamp`.
     pub(super) fn readable(&mut self, stamp: u32, rose: u64, findings: &mut Findings) {
         let Some(cycle) = self.cycle(stamp).filter(|cycle| !cycle.readable) else { return };
         cycle.readable = true;
@@ -145,7 +147,8 @@ impl Cycles {
         }
     }
 
-    /// Records that a cycle was read before FRESH announced it. Returns whether its rise was already reported as late.
+    /// Records that a cycle was read before FRESH announced it. Returns whether the late rise of FRESH was already
+    /// reported.
     pub(super) fn unannounced(&mut self, stamp: u32) -> bool {
         let Some(cycle) = self.cycle(stamp) else { return false };
         cycle.readable = true;
@@ -168,7 +171,7 @@ impl Cycles {
     }
 }
 
-/// Durations, ns. They have few different values, so each value is stored once with its number.
+/// A series of durations, ns. Each distinct value is stored once, with the number of times that it occurred.
 #[derive(Clone, Debug, Default)]
 struct Series {
     counts: BTreeMap<u64, u64>,

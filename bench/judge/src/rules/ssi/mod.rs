@@ -1,4 +1,4 @@
-//! Judges transactions, readiness, FRESH, and what is torn or damaged.
+//! Judges the transactions on the SSI, when the DPR is ready for them, what FRESH announces, and torn or damaged bytes.
 //!
 //! | file | what it judges |
 //! |---|---|
@@ -9,30 +9,31 @@
 //!
 //! # One cause, one violation
 //!
-//! - Nothing is required of a DPR that has no supply or is starting. A transaction that began before the DPR's last
-//!   start is not judged.
+//! - A DPR that has no supply or is starting need not do anything. A transaction that began before the DPR's last start
+//!   is not judged.
 //! - A DPR that the bench has stopped, or one with a dead task, need not serve anything until its next start. Service
-//!   that was overdue before is reported, and what is read still has to be right.
-//! - A processor that keeps the SSI's buffers too long is [`Violation::NotReady`] after a transaction, and
-//!   [`Violation::HeldBack`] otherwise. Transactions that therefore find the DPR busy are not reported. If nothing is
-//!   readable for longer than [`bounds::EXPIRY`], only [`Violation::Silent`] is reported.
-//! - A single transaction may read 0xFF throughout if the DPR is busy: it puts an image in, which FRESH announces
-//!   within [`bounds::SSI_READY`]; another transaction has just ended; the image's time is over; or the DPR has used
-//!   its budget of transactions between two images. Any other such transaction is [`Violation::Unserved`].
-//! - An unsound image is [`Violation::FreshUnreadable`] if FRESH announced these bytes. Otherwise the transaction that
-//!   read the image is judged as torn, misplaced or damaged, whichever applies first.
+//!   that was overdue before is reported, and the bytes that are read still have to be right.
+//! - If the processor keeps the SSI's buffers too long, this is [`Violation::NotReady`] after a transaction, and
+//!   [`Violation::HeldBack`] otherwise, and the transactions that find the DPR busy meanwhile are not reported. If
+//!   nothing is readable for longer than [`bounds::EXPIRY`], only [`Violation::Silent`] is reported.
+//! - A single transaction may read 0xFF throughout if the DPR is busy. The DPR is busy while it puts an image in, which
+//!   FRESH announces within [`bounds::SSI_READY`]; just after another transaction; when the image's time is over; or
+//!   when it has used its budget of transactions between two images. Any other such transaction is
+//!   [`Violation::Unserved`].
+//! - An unsound image is [`Violation::FreshUnreadable`] if FRESH announced it. Otherwise the transaction that read the
+//!   image is judged as torn, misplaced or damaged, in this order.
 //! - While [`Excuse::Service`] holds, the DPR need not serve the flight controller, and damaged bytes are not judged.
 //!   The objects that are read as valid still have to be right ([`super::shown`]), and no image may be late because of
 //!   the flight controller.
 //! - After a transaction, the DPR pauses for [`SSI_PAUSE`](crate::bounds::SSI_PAUSE) once it is ready again. If the
-//!   next transaction ends within the pause, the time to become ready counts from the end of the pause.
-//! - Bytes that are unsound while [`Excuse::UnsoundImage`] holds only have to be rejected; [`super::shown`] judges
-//!   that. The DPR may replace such an image by one with the same content.
+//!   next transaction ends within this pause, the time until the DPR must be ready counts from the end of the pause.
+//! - Bytes that are unsound while [`Excuse::UnsoundImage`] holds only have to be rejected, which [`super::shown`]
+//!   judges. The DPR may replace such an image by one with the same content.
 //! - A transaction that reads an older image than the announced one is [`Violation::FreshNotNew`]. If its objects are
 //!   older than objects read before, another rule reports [`Violation::Regression`] instead.
-//! - If a frame began while [`Excuse::Latency`] holds, it may be readable at any time. A frame that began while
-//!   [`Excuse::Length`] holds has as much time as one with a damaged LEN. If a frame began while [`Excuse::Hearing`]
-//!   holds and came again, its time counts from the last arrival.
+//! - A frame that began while [`Excuse::Latency`] holds may become readable at any time, and one that began while
+//!   [`Excuse::Length`] holds has as much time as a frame with a damaged LEN. The time of a repeated frame counts from
+//!   its last arrival, if it began while [`Excuse::Hearing`] holds.
 //! - A cycle that is readable too late after its last bit is not reported again as too late after its tick. A cycle
 //!   that is read before FRESH has risen for it is [`Violation::FreshMissing`] or [`Violation::LateReadable`],
 //!   whichever is found first.
@@ -127,7 +128,7 @@ impl Rule for Ssi {
 }
 
 impl Ssi {
-    /// Processes an event while the DPR has a supply.
+    /// Processes an event that comes while the DPR has a supply.
     fn take_ssi(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
         let at = event.at;
         let unsound = |at| context.disturbances().excuse(Excuse::UnsoundImage, at);
@@ -138,7 +139,8 @@ impl Ssi {
                     let offset = context.window().offset();
                     Reading::of(context.layout(), at, at, offset, bytes)
                 });
-                // After a disturbance of the announced image's bits, it is not known which image FRESH announced.
+                // After a disturbance of the announced image's bits, the judge does not know which image FRESH
+                // announced.
                 let hit = offered.as_ref().is_some_and(|offered| unsound(at) && !offered.is_sound());
                 if *high {
                     let excused = self.service.rise(at, offered.is_some()) || hit;
@@ -162,7 +164,7 @@ impl Ssi {
         }
     }
 
-    /// Judges how long FRESH was high or low before this change.
+    /// Judges how long FRESH was high or low before it changed.
     fn pulse(&mut self, at: u64, high: bool, findings: &mut Findings) {
         if let Some(since) = self.high_since.take().filter(|since| !high && at < since + bounds::FRESH_WIDTH) {
             findings.add(Violation::FreshShort, since, || format!("{} ns", at - since));

@@ -10,32 +10,33 @@ use crate::{Findings, Max, Violation};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Read {
     Image,
-    /// Every byte was 0xFF.
+    /// The transaction read 0xFF throughout.
     Nothing,
-    /// Too few bytes were read to recognise an image.
+    /// The transaction read too few bytes to recognise an image.
     Unknown,
 }
 
 impl Read {
-    /// Returns whether `reading` read an image. With `busy`, the DPR's SPI peripheral did not serve the transaction.
+    /// Returns what the transaction `reading` read. `busy` says that the DPR's SPI peripheral did not serve it.
     pub(super) fn of(reading: &Reading, busy: bool) -> Self {
         match reading.silent {
             false => Self::Image,
-            // A few bytes of an image may be 0xFF, but not a whole Link-Status: its CRC would be wrong.
+            // A short part of an image may be 0xFF throughout. A whole Link-Status cannot, because its CRC would be
+            // wrong.
             true if busy || reading.miso.len() >= LinkStatus::SIZE => Self::Nothing,
             true => Self::Unknown,
         }
     }
 }
 
-/// Why the processor, and not the SPI peripheral, has the SSI's buffers.
+/// The reason why the SSI's buffers belong to the processor and not to the SPI peripheral.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Why {
-    /// Hardware gave the buffers to the processor at the end of a transaction.
+    /// A transaction ended, and the SPI peripheral gave the buffers to the processor.
     Transaction,
-    /// Hardware took the buffers because the image's time is over; they are not due back until the next image.
+    /// Hardware took the buffers, because the image's time is over. They must be back only with the next image.
     Expiry,
-    /// The processor took the buffers by itself.
+    /// The processor took the buffers.
     Own,
 }
 
@@ -45,12 +46,12 @@ struct Hold {
     why: Why,
 }
 
-/// The end of a transaction after which the DPR is not ready yet.
+/// A transaction has ended, and the DPR is not ready for the next one yet.
 #[derive(Clone, Copy, Debug)]
 struct Pending {
-    /// The instant, ns, from which [`bounds::SSI_READY`] counts: a transaction's end, or the end of a pause.
+    /// The instant, ns, from which [`bounds::SSI_READY`] counts: the end of the transaction, or of a pause.
     since: u64,
-    /// Whether the DPR has to become ready, because there is an image to be read.
+    /// Whether the DPR must become ready. It need not if there is no image to be read.
     owed: bool,
 }
 
@@ -62,11 +63,11 @@ struct Streak {
     /// The instant, ns, at which the last transaction began.
     last: u64,
     count: u64,
-    /// Whether the processor held the buffers for too long, which is reported separately.
+    /// Whether the processor kept the buffers for too long, which is reported by itself.
     explained: bool,
-    /// Whether the series has been reported as [`Violation::Silent`].
+    /// Whether [`Violation::Silent`] has been reported for the series.
     told: bool,
-    /// Whether the first transaction had no reason to read only 0xFF.
+    /// Whether there was no reason for the first transaction to read only 0xFF.
     unserved: bool,
 }
 
@@ -84,23 +85,25 @@ pub(super) struct Service {
     /// The instant, ns, at which the DPR was first ready after its last start.
     started: Option<u64>,
     never_told: bool,
-    /// The instant, ns, since which there was no transaction.
+    /// The instant, ns, since which the flight controller has made no transaction.
     quiet_since: u64,
     quiet_told: bool,
     under_way: bool,
     began: u64,
-    /// The instant, ns, at which the last transaction longer than a cycle ended.
+    /// The instant, ns, at which the last transaction ended that was longer than a cycle.
     long_ended: u64,
     busy: bool,
-    /// Whether the DPR may leave the present transaction unserved: just after another one, or after the image's time.
+    /// Whether the DPR may leave the present transaction unserved, because it follows another or the image's time is
+    /// over.
     may_be_busy: bool,
-    /// The instant, ns, at which FRESH first rose during the present transaction.
+    /// The instant, ns, at which FRESH rose first during the transaction that is under way.
     rose_within: Option<u64>,
     hold: Option<Hold>,
-    /// The instant, ns, until which the DPR may pause and need not detect the end of a transaction.
+    /// The instant, ns, until which the DPR pauses and need not detect that a transaction has ended.
     paused_until: u64,
     pending: Option<Pending>,
-    /// The instant, ns, of a rise of FRESH after which no other bound limits when the image is readable.
+    /// The instant, ns, at which FRESH rose for an image that must become readable, if no other limit of time applies
+    /// to that image.
     claimed: Option<u64>,
     ready_at: Option<u64>,
     rose_at: Option<u64>,
@@ -138,11 +141,11 @@ impl Service {
         }
     }
 
-    /// Resets the state at a start of the DPR. Overdue service is not reported, because the restart is judged.
+    /// Resets the state at a start of the DPR. Overdue service is not reported here, because the restart is.
     fn restart(&mut self, since: u64) {
         let Self { powered, quiet_since, quiet_told, longest, under_way, .. } = *self;
-        // A transaction that is under way at the start is not served. Its beginning matters only after the time for a
-        // start.
+        // A transaction that is under way when the DPR starts is not served, and begins to count when the time for a
+        // start is over.
         let busy = under_way;
         *self = Self { powered, since, quiet_since, quiet_told, longest, under_way, busy, ..Self::new() };
     }
@@ -157,7 +160,7 @@ impl Service {
         self.restart(at);
     }
 
-    /// Records that the DPR hangs from the instant `at` on, and reports the service that was overdue by then.
+    /// Records that the DPR hangs from the instant `at` on. Service that was overdue by then is reported.
     pub(super) fn hang(&mut self, at: u64, findings: &mut Findings) {
         self.settle(at, findings);
         self.end_streak(findings);
@@ -167,16 +170,18 @@ impl Service {
     /// Records that the flight controller misuses the SSI, so that the DPR need not serve it.
     pub(super) fn misused(&mut self) {
         (self.claimed, self.streak) = (None, None);
-        // The processor may now take the buffers because of the misused transaction.
+        // The processor may have taken the buffers because of the misused transaction, so it need not give them back
+        // soon.
         self.pending.iter_mut().for_each(|pending| pending.owed = false);
     }
 
-    /// Reports that the DPR should be ready by `now`, or that the flight controller should have made a transaction.
+    /// Reports that the DPR is not ready by `now` although it should be, or that the flight controller makes no
+    /// transaction.
     pub(super) fn pass(&mut self, now: u64, disturbances: &Disturbances, findings: &mut Findings) {
         if !self.powered {
             return;
         }
-        // While a flight controller keeps the DPR selected for longer than a cycle, the DPR cannot become ready.
+        // A flight controller that keeps the DPR selected for longer than a cycle keeps the DPR from becoming ready.
         let due = self.since + bounds::START;
         let free = self.long_ended.saturating_add(bounds::SSI_READY);
         let kept = self.under_way && now > self.began + bounds::CYCLE;
@@ -192,7 +197,8 @@ impl Service {
         }
     }
 
-    /// Records a rise of FRESH. Returns whether there is a reason why no transaction could begin, if `offers` is false.
+    /// Records a rise of FRESH. `offers` says that a transaction could begin. Returns whether there is a reason why
+    /// none could.
     pub(super) fn rise(&mut self, at: u64, offers: bool) -> bool {
         (self.rose_at, self.served) = (Some(at), 0);
         if self.under_way {
@@ -239,15 +245,15 @@ impl Service {
 
     pub(super) fn selected(&mut self, at: u64) {
         (self.under_way, self.began) = (true, at);
-        // The transaction before has just ended, or FRESH has just risen.
+        // A transaction has just ended, or FRESH has just risen, so the DPR may be busy.
         let just = self.quiet_since.max(self.paused_until).max(self.rose_at.unwrap_or(0));
         self.may_be_busy = at <= just + bounds::SSI_READY || self.is_expired(at);
         self.rose_within = None;
-        // If the flight controller does not wait as long as it has to, the DPR need not serve the transaction.
+        // A flight controller that selects the DPR too soon after a transaction cannot rely on being served.
         self.pending = self.pending.filter(|pending| at.saturating_sub(pending.since) > bounds::SSI_READY);
     }
 
-    /// Judges a transaction. With `whole`, the DPR ran throughout it.
+    /// Judges a transaction. `whole` says that the DPR was running from the transaction's beginning to its end.
     pub(super) fn transaction(&mut self, reading: &Reading, whole: bool, findings: &mut Findings) {
         let at = reading.deselected;
         let busy = std::mem::take(&mut self.busy);
@@ -257,7 +263,7 @@ impl Service {
         }
         self.quiet_told = false;
         self.quiet_since = self.quiet_since.max(at);
-        // A transaction that began before the DPR was first ready is not served.
+        // A transaction that began before the DPR was first ready need not be served.
         if !whole || self.started.is_none_or(|started| reading.selected < started) {
             return;
         }
@@ -293,7 +299,8 @@ impl Service {
         }
     }
 
-    /// Reports what the DPR should have done before `now`, when it is ready for the next transaction or the run ends.
+    /// Reports what the DPR should have done before `now`, at which it is ready for the next transaction or the run
+    /// ends.
     fn settle(&mut self, now: u64, findings: &mut Findings) {
         if let Some(Pending { since, owed: true }) = self.pending.take() {
             self.waited(Violation::NotReady, since, now, findings);
@@ -318,13 +325,14 @@ impl Service {
         }
     }
 
-    /// Records a transaction that read only 0xFF. With `unserved`, there was no reason for that.
+    /// Records a transaction that read only 0xFF. `unserved` says that there was no reason for that.
     fn read_nothing(&mut self, selected: u64, unserved: bool, findings: &mut Findings) {
         let new = Streak { first: selected, last: selected, count: 0, explained: false, told: false, unserved };
         let streak = self.streak.get_or_insert(new);
         streak.last = selected;
         streak.count += 1;
-        // A DPR that hangs is restarted and judged by another rule, so only a longer series is a silence.
+        // A series of unserved transactions counts as a silence only if it is longer than a restart of a hung DPR
+        // takes.
         if streak.last - streak.first > bounds::EXPIRY + bounds::START {
             self.silence(findings);
         }

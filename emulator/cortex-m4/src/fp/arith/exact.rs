@@ -93,8 +93,8 @@ struct Format {
 const SINGLE: Format = Format { minimum_exponent: -126, exponent_bits: 8, fraction_bits: 23 };
 const HALF: Format = Format { minimum_exponent: -14, exponent_bits: 5, fraction_bits: 10 };
 
-/// Splits `mantissa` at bit `shift`. Returns the upper part, and how the lower bits compare with half a unit: `None` if
-/// they are all zero.
+/// Splits `mantissa` at bit `shift`. Returns the upper part, and the order of the lower bits relative to half a unit;
+/// `None` if they are all zero.
 fn split(mantissa: u128, shift: i32) -> (u128, Option<Ordering>) {
     if shift <= 0 {
         return (mantissa << -shift, None);
@@ -174,16 +174,16 @@ struct Term {
 
 /// Adds and rounds two finite terms, which must not both be zeros of the same sign.
 fn add_terms(a: Term, b: Term, fpscr: &mut u32) -> u32 {
-    // The exponent of a zero has no meaning, so a zero never counts as the higher term.
+    // A zero never counts as the higher term, because its exponent has no meaning.
     let (high, low) = match (a.mantissa, b.mantissa) {
         (_, 0) => (a, Term { exponent: a.exponent, ..b }),
         (0, _) => (b, Term { exponent: b.exponent, ..a }),
         _ if a.exponent >= b.exponent => (a, b),
         _ => (b, a),
     };
-    // The higher term moves up by at most 70 bits, to 118 bits in all. If the terms are further apart, the lower term
-    // moves down, and its lowest bit collects what is shifted out. That bit cannot change a rounding: the higher term
-    // is at least 2^70 and the lower one less than 2^48.
+    // The higher term is shifted up by at most 70 bits, to 118 bits in all. If the terms are further apart, the lower
+    // term is shifted down, and its lowest bit collects the bits that are shifted out. The collected bit cannot change
+    // a rounding, because the higher term is at least 2^70 and the lower one less than 2^48.
     let distance = high.exponent - low.exponent;
     let up = distance.min(70);
     let down = distance - up;
@@ -264,7 +264,7 @@ pub(in crate::fp) fn divide(a: u32, b: u32, fpscr: &mut u32) -> u32 {
             let (x, y) = (x.normalized(), y.normalized());
             let dividend = u64::from(x.mantissa) << 40;
             let divisor = u64::from(y.mantissa);
-            // The quotient has at least 40 bits. One more bit below them stands for the remainder.
+            // The quotient has at least 40 bits. The lowest bit, below them, tells whether there is a remainder.
             let quotient = (dividend / divisor) << 1 | u64::from(!dividend.is_multiple_of(divisor));
             round(sign, x.exponent - y.exponent - 41, quotient.into(), SINGLE, fpscr)
         }
@@ -283,8 +283,8 @@ pub(in crate::fp) fn square_root(a: u32, fpscr: &mut u32) -> u32 {
         Class::Infinity => INFINITY,
         _ => {
             let x = x.normalized();
-            // The shift makes the exponent even and the mantissa 62 or 63 bits long. The root has 31 or 32 bits, and
-            // one more bit below them stands for the remainder.
+            // The shift makes the exponent even and the mantissa 62 or 63 bits long. The root then has 31 or 32 bits.
+            // The lowest bit, below them, tells whether there is a remainder.
             let shift = 38 + (x.exponent & 1);
             let square = u64::from(x.mantissa) << shift;
             let root = square.isqrt();
@@ -338,7 +338,7 @@ pub(in crate::fp) fn compare(a: u32, b: u32, signals: bool, fpscr: &mut u32) {
         }
         0b0011
     } else {
-        // Numbers of one sign have the order of their bit patterns. A flushed operand counts as zero.
+        // Numbers of one sign are in the order of their bit patterns. An operand that is flushed counts as zero.
         let ordered = |bits: u32, unpacked: Unpacked| {
             let magnitude = if unpacked.class == Class::Zero { 0 } else { (bits & !SIGN) as i32 };
             if unpacked.sign == 0 { magnitude } else { -magnitude }
@@ -372,7 +372,7 @@ pub(in crate::fp) fn to_integer(a: u32, target: Integer, toward_zero: bool, fpsc
             *fpscr |= IOC;
             return limit as u32;
         }
-        // Such a number is out of range, and a shift by its exponent would exceed 128 bits.
+        // A number this large is out of range, and a shift by its exponent would exceed 128 bits.
         Class::Finite if exponent > 64 => {
             *fpscr |= IOC;
             return limit as u32;
@@ -418,7 +418,7 @@ pub(in crate::fp) fn from_half(half: u16, fpscr: &mut u32) -> u32 {
     let biased = i32::from(half >> 10 & 0x1F);
     match (biased, fraction) {
         (0, 0) => sign,
-        // Each half-precision number is a normal single-precision one, so this rounds nothing.
+        // This conversion rounds nothing, because each half-precision number is a normal single-precision one.
         (0, _) => round(sign, -24, fraction.into(), SINGLE, fpscr),
         (31, 0) if *fpscr & AHP == 0 => sign | INFINITY,
         (31, _) if *fpscr & AHP == 0 => {

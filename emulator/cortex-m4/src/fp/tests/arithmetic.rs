@@ -1,7 +1,7 @@
 //! Tests of the results and flags of arithmetic on random operands.
 //!
-//! The host computes the expected values. Its `f32` operation rounds to nearest, and exact `f64` arithmetic tells on
-//! which side of the rounded result the exact one lies. The result and the flags in each mode follow from these two.
+//! The host computes the expected values. Its `f32` operation rounds to nearest. Exact `f64` arithmetic tells on which
+//! side of the rounded result the exact one lies. The result and the flags in each rounding mode follow from these two.
 //! The host's arithmetic and the integer arithmetic in `arith` must both give them.
 
 use std::cmp::Ordering;
@@ -29,8 +29,8 @@ impl Random {
         (self.next() >> 32) % limit
     }
 
-    /// Draws an operand: random bits, a number with an exponent close to others, or an edge case with a bit or two
-    /// changed.
+    /// Draws an operand: random bits, a number with an exponent close to that of others, or an edge case with a bit or
+    /// two changed.
     fn operand(&mut self) -> u32 {
         const EDGES: [u32; 14] = [
             0,
@@ -73,14 +73,13 @@ impl Random {
 
 struct Truth {
     nearest: f32,
-    /// The order of the exact result relative to `nearest`.
+    /// The order of the exact result relative to the result rounded to nearest.
     order: Ordering,
     /// Whether the exact magnitude is below the least normal number and not zero.
     tiny: bool,
     /// Whether the exact magnitude is 2^128 or more.
     huge: bool,
-    /// Whether the result is a sum of terms of opposite signs. If such a sum is zero, the rounding mode decides its
-    /// sign.
+    /// Whether the result is a sum of terms of opposite signs. If this sum is zero, the rounding mode decides its sign.
     opposite: bool,
 }
 
@@ -130,7 +129,8 @@ fn truth_of_sum(nearest: f32, a: f64, b: f64) -> Truth {
     let order = if order == Ordering::Equal { error.partial_cmp(&0.0).unwrap() } else { order };
     let least = f64::from(f32::MIN_POSITIVE);
     let limit = 2.0_f64.powi(128);
-    // Where the rounded sum equals `limit` or `least`, the rounding error decides on which side the exact sum is.
+    // If the rounded sum equals `limit` or `least`, the sign of the rounding error tells on which side the exact sum
+    // lies.
     let inwards = error != 0.0 && (error > 0.0) != (value > 0.0);
     Truth {
         nearest,
@@ -400,8 +400,8 @@ fn conversions_of_random_numbers_to_half_precision_round_to_a_neighbour() {
         let flushed = flush(a, &mut fpscr);
         let x = f64::from(f32::from_bits(flushed & !SIGN));
         let alternative = before & AHP != 0;
-        // `top` is one more than the greatest finite number: infinity in the IEEE format, out of range in the
-        // alternative one.
+        // `top` is the code after the greatest finite number. It means infinity in the IEEE format and is out of range
+        // in the alternative one.
         let top: u16 = if alternative { 0x8000 } else { 0x7C00 };
         let magnitude = |half: u16| if half == 0x8000 { 131_072.0 } else { half_magnitude(half) };
         let (mut below, mut above) = (0, top);

@@ -9,7 +9,7 @@ const DEFAULT_NAN: u32 = 0x7FC0_0000;
 const OTHER_QUIET: u32 = 0x7FC5_4321;
 const OTHER_SIGNALLING: u32 = 0xFF85_4321;
 
-/// An operation, FPSCR before it, the expected result, and the FPSCR bits that the operation must set.
+/// An edge case: the operation, FPSCR before it, the expected result, and the FPSCR bits that the operation must set.
 type Edge = (fn(&mut u32) -> u32, u32, u32, u32);
 
 fn check_edges(edges: &[Edge]) {
@@ -29,14 +29,15 @@ fn nans_pass_through_as_the_manual_says() {
         (|f| arith::add(OTHER_SIGNALLING, SIGNALLING, f), 0, OTHER_SIGNALLING | 0x0040_0000, IOC),
         (|f| arith::add(QUIET, ONE, f), DN, DEFAULT_NAN, 0),
         (|f| arith::multiply(ONE, SIGNALLING, f), DN, DEFAULT_NAN, IOC),
-        // A NaN that is subtracted keeps its sign.
+        // If a NaN is subtracted, the result keeps the NaN's sign.
         (|f| arith::subtract(ONE, QUIET, f), 0, QUIET, 0),
         (|f| arith::divide(QUIET, 0, f), 0, QUIET, 0),
         (|f| arith::square_root(OTHER_SIGNALLING, f), 0, OTHER_SIGNALLING | 0x0040_0000, IOC),
         (|f| arith::square_root(QUIET, f), 0, QUIET, 0),
-        // A denormal operand beside a NaN is flushed, and IDC is set.
+        // If the other operand is a NaN, a denormal operand is still flushed and IDC is set.
         (|f| arith::add(QUIET, 1, f), FZ, QUIET, IDC),
-        // In a fused operation the addend comes first, then the factors; signalling NaNs come before quiet ones.
+        // In a fused operation the NaN of the addend comes before those of the factors. Signalling NaNs come before
+        // quiet ones.
         (|f| arith::multiply_add(QUIET, OTHER_QUIET, ONE, f), 0, QUIET, 0),
         (|f| arith::multiply_add(QUIET, ONE, SIGNALLING, f), 0, SIGNALLING | 0x0040_0000, IOC),
         (|f| arith::multiply_add(ONE, OTHER_QUIET, QUIET, f), 0, OTHER_QUIET, 0),
@@ -106,14 +107,14 @@ fn an_overflow_gives_infinity_or_the_greatest_number_by_rounding_mode() {
 
 #[test]
 fn underflow_is_judged_before_rounding() {
-    // (1 - 2^-24) * 2^-126 rounds up to the least normal number, and underflows nevertheless.
+    // (1 - 2^-24) * 2^-126 rounds up to the least normal number. It underflows nevertheless.
     const BELOW_ONE: u32 = 0x3F7F_FFFF;
     check_edges(&[
         (|f| arith::multiply(BELOW_ONE, LEAST_NORMAL, f), 0, LEAST_NORMAL, UFC | IXC),
         (|f| arith::multiply(BELOW_ONE, LEAST_NORMAL, f), TO_ZERO, 0x007F_FFFF, UFC | IXC),
-        // A flushed result is neither inexact nor the least normal number.
+        // A result that is flushed to zero is not inexact, and is not rounded up to the least normal number.
         (|f| arith::multiply(BELOW_ONE, LEAST_NORMAL, f), FZ, 0, UFC),
-        // Exact denormal results do not underflow.
+        // A denormal result that is exact does not underflow.
         (|f| arith::multiply(0x3F00_0000, LEAST_NORMAL, f), 0, 0x0040_0000, 0),
         (|f| arith::add(LEAST_NORMAL, 0x8000_0001, f), 0, 0x007F_FFFF, 0),
         (|f| arith::add(LEAST_NORMAL | SIGN, 0x0080_0001, f), FZ, 0, UFC),

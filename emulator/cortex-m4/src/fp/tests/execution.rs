@@ -217,7 +217,8 @@ fn fpscr_keeps_only_its_existing_bits_and_passes_flags_to_apsr() {
 
 #[test]
 fn each_multiply_and_accumulate_has_its_signs_and_its_roundings() {
-    // (1 + 2^-12)^2 = 1 + 2^-11 + 2^-24. A chained operation rounds the product and so loses the last term.
+    // The exact square (1 + 2^-12)^2 is 1 + 2^-11 + 2^-24. A chained operation rounds the product first and so loses
+    // the last term.
     let factor = 1.0 + 2.0_f32.powi(-12);
     let lost = 2.0_f32.powi(-24);
     let product = 1.0 + 2.0_f32.powi(-11);

@@ -196,7 +196,7 @@ fn a_watchpoint_can_ask_for_a_value() {
     write(&mut core, &mut board, DEMCR, 1 << 24);
     write(&mut core, &mut board, DWT + 0x20, RAM + 8);
     write(&mut core, &mut board, DWT + 0x30, 42);
-    // Comparator 1 compares the words at the address of comparator 0.
+    // Comparator 1 compares the value of words, and comparator 0 their address.
     write(&mut core, &mut board, DWT + 0x38, 2 << 10 | 1 << 8 | 6);
     core.watch(RAM + 8, true, Width::Word, 41);
     core.watch(RAM + 12, true, Width::Word, 42);

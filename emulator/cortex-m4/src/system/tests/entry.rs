@@ -136,7 +136,8 @@ fn a_return_to_thread_mode_under_another_handler_needs_nonbasethrdena() {
     invalid_return(&core, &board);
     let (core, board) = (&mut allowed.0, &mut allowed.1);
     write(core, board, CCR, 0x201);
-    // The frame on top of the stack returns to handler mode. The test turns it into a frame of thread mode.
+    // The frame on top of the stack would return to handler mode. The test changes it so that it returns to thread
+    // mode.
     let xpsr = core.r[13] + 28;
     board.set_word(xpsr, 0x0100_0000);
     core.exception_return(board, 0xFFFF_FFF9);

@@ -54,7 +54,7 @@ fn of_equal_priorities_the_lowest_number_is_taken_first() {
 #[test]
 fn the_subpriority_orders_what_is_pending_but_does_not_preempt() {
     let (mut core, mut board) = machine();
-    // PRIGROUP 6 leaves one bit of group priority.
+    // With PRIGROUP 6 a priority has one bit of group priority.
     write(&mut core, &mut board, AIRCR, 0x05FA_0600);
     enable(&mut core, &mut board, 0, 0x70);
     enable(&mut core, &mut board, 1, 0x20);

@@ -16,7 +16,7 @@ use crate::{Access, Bound, Bus, BusError, Config, Core, Cost, Fast, Fault, Purpo
 pub(super) const RAM: u32 = 0x2000_0000;
 pub(super) const TOP: u32 = RAM + 0x8000;
 pub(super) const PROCESS_TOP: u32 = RAM + 0x4000;
-/// The handler of exception n is at HANDLERS + 16 * n.
+/// The base address of the handlers: that of exception n is at HANDLERS + 16 * n.
 pub(super) const HANDLERS: u32 = 0x1000;
 pub(super) const START: u32 = 0x2000;
 

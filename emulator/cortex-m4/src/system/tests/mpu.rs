@@ -7,7 +7,8 @@ const RNR: u32 = 0xE000_ED98;
 const RBAR: u32 = 0xE000_ED9C;
 const RASR: u32 = 0xE000_EDA0;
 
-/// Configures region `number` with 2^(`size` + 1) bytes at `base`, AP `ap`, and further RASR bits `extra`.
+/// Configures region `number` with 2^(`size` + 1) bytes at `base` and the access permission `ap`. `extra` has further
+/// bits of RASR.
 fn region(core: &mut Core<Fast>, board: &mut Board, number: u32, base: u32, size: u32, ap: u32, extra: u32) {
     write(core, board, RBAR, base | 1 << 4 | number);
     write(core, board, RASR, ap << 24 | size << 1 | 1 | extra);
@@ -39,7 +40,7 @@ fn without_a_region_only_privileged_code_with_privdefena_gets_through() {
 fn access_permissions_are_those_of_the_table() {
     let (mut core, mut board) = machine();
     write(&mut core, &mut board, CTRL, 1);
-    // Each row: AP, privileged read and write, unprivileged read and write.
+    // Each row has AP and four rights: privileged read and write, and unprivileged read and write.
     for (ap, expected) in [
         (0, [false, false, false, false]),
         (1, [true, true, false, false]),
@@ -61,7 +62,7 @@ fn a_region_ends_where_its_size_says_and_subregions_can_be_off() {
     let (mut core, mut board) = machine();
     write(&mut core, &mut board, CTRL, 1);
     region(&mut core, &mut board, 0, RAM, 7, 3, 1 << (8 + 2));
-    // The region has 256 bytes in eighths of 32 bytes; the third eighth is off.
+    // The region has 256 bytes, which are eighths of 32 bytes. The third eighth is off.
     let open = [0x00, 0x3F, 0x40, 0x5F, 0x60].map(|offset| core.mpu_data(RAM + offset, true, false));
     assert_eq!(open, [true, true, false, false, true]);
     assert!(core.mpu_data(RAM + 0xFF, true, false));

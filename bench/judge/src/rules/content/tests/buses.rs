@@ -1,4 +1,4 @@
-//! Tests which bytes of a receiver on a bus HORUS must use, may use, and must not use.
+//! Tests which bytes of a receiver on a bus HORUS must use, which it may use, and which it must not use.
 
 use super::super::Line;
 use crate::bounds::{NEWS, READ_AT_ONCE, READ_SETTLED, TOO_OLD};
@@ -14,8 +14,8 @@ fn read_before() -> Line {
     line
 }
 
-/// Returns whether HORUS must or may use bytes of a receiver on a bus. HORUS reads them from `at` on within 1 ms, and
-/// at the end they have waited for `waited` ns.
+/// Returns whether HORUS must or may use the bytes of a receiver on a bus that it reads within 1 ms from `at` on, when
+/// the last of them has waited for `waited` ns.
 fn read(line: &mut Line, at: u64, waited: u64) -> Option<bool> {
     line.read((at, at + MS), 100, at + MS - waited, true)
 }
@@ -24,7 +24,7 @@ fn read(line: &mut Line, at: u64, waited: u64) -> Option<bool> {
 fn a_message_that_has_waited_too_long_must_be_dropped() {
     let once = |waited| read(&mut read_before(), 100 * MS, waited);
     assert_eq!((once(NEWS), once(NEWS + 1)), (MUST, MAY));
-    // Age counts at the start of the transfer, 1 ms before its end.
+    // The age of bytes counts at the start of their transfer, 1 ms before its end.
     assert_eq!((once(TOO_OLD + MS), once(TOO_OLD + MS + 1)), (MAY, None));
 }
 

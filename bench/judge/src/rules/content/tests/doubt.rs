@@ -5,7 +5,8 @@ use super::*;
 use crate::Board;
 use crate::testing::COMMAND;
 
-/// Returns the violations if burst `number` of GPS1 is on a disturbed line and HORUS takes it or not (`taken`).
+/// Returns the violations if the line of GPS1 is disturbed during burst `number`, and HORUS uses the burst or not
+/// (`taken`).
 fn disturbed(number: usize, taken: bool) -> Vec<(Violation, u64)> {
     let mut scene = Scene::new(1);
     scene.receivers[0][number].clean = false;
@@ -57,7 +58,7 @@ fn a_message_that_is_certain_ends_the_doubt() {
         })
     };
     assert_eq!(late(&certain), []);
-    // The line is silent for a while after the uncertain burst.
+    // The burst of GPS1 that HORUS may have missed is the last one for a while.
     assert_eq!(late(&doubtful), []);
     let certain = scene.receivers[0][6].clone();
     let values = doubtful.clone();
@@ -67,14 +68,15 @@ fn a_message_that_is_certain_ends_the_doubt() {
     assert_eq!(said, CONTENT);
 }
 
-/// Returns the violations that are found for a receiver that sends a burst every 40 ms until burst 19. HORUS may have
-/// missed burst `doubtful`. At `age` (ms) after the last burst HORUS shows the position as valid or not (`valid`).
+/// Returns the violations if a receiver sends a burst every 40 ms until burst 19, and HORUS may have missed burst
+/// `doubtful`. At `age` (ms) after the last burst HORUS shows the position as valid or not (`valid`).
 fn after_doubt(doubtful: usize, age: u64, valid: bool) -> Vec<(Violation, u64)> {
     let mut scene = Scene::with_period(1, 40);
     scene.receivers[0].truncate(20);
     for burst in &mut scene.receivers[0] {
         (burst.att, burst.ins) = (None, None);
-        // The disturbance begins within a burst, so that the bursts before and after it are certain.
+        // The line of GPS1 is disturbed during one burst only, so HORUS certainly receives the bursts before and after
+        // it.
         burst.clean = true;
     }
     let number = cycle_after(&scene.receivers[0][19], age * MS);
@@ -88,7 +90,7 @@ fn after_doubt(doubtful: usize, age: u64, valid: bool) -> Vec<(Violation, u64)> 
     let own = tick(number)..tick(number + 1);
     events.without(|event| matches!(event.what, What::Sent { started, .. } if !own.contains(&started)));
     if doubtful < 20 {
-        // Just before the burst come bytes that look like a longer message, so HORUS may not find the burst.
+        // HORUS may miss the burst, because the bytes just before it look like the beginning of a longer message.
         let at = scene.receivers[0][doubtful].at - 10 * BYTE_NS;
         events.fed(at, 0, [0xB5, 0x62, 1, 7, 80, 0, 1, 2, 3, 4].to_vec());
     }
@@ -125,7 +127,7 @@ fn horus_may_drop_a_message_from_before_its_first_tick() {
     assert_eq!(nothing(&scene)[0].0, Violation::StatusWrong);
 }
 
-/// Returns the violations if GPS1 sends until 545 ms, and HORUS restarts and ticks again from 600 ms on.
+/// Returns the violations if GPS1 sends until 545 ms, HORUS restarts, and its ticks come from 600 ms on.
 fn restarted(power: bool, remembers: bool) -> Vec<(Violation, u64)> {
     let mut scene = Scene::new(1);
     scene.receivers[0].truncate(6);
@@ -172,7 +174,7 @@ fn the_frame_that_a_restart_overtakes_is_not_judged() {
         }
     });
     assert_eq!(kinds(&events), CONTENT);
-    // The reset comes between the frame's transmit command and its first bit.
+    // HORUS is reset after the transmit command of a frame and before the frame's first bit.
     for after in [COMMAND[0] + 1_000, MS] {
         let mut events = events.clone();
         events.reset(tick(STEADY) + after, Board::Horus, true).without(|event| event.at > tick(STEADY) + 8 * MS);
@@ -219,8 +221,9 @@ fn timestamps_that_stay_ahead_do_not_end_the_judging() {
     assert_eq!(said, CONTENT);
 }
 
-/// Returns the violations that are found until cycle `last`. GPS1 is silent after burst 3 (349 ms), but from cycle 65
-/// (660 ms) on its object is shown as valid, not stale and heard. One earlier tick was moved by `moved`, ns.
+/// Returns the violations up to cycle `last`, if GPS1's last burst is burst 3 (349 ms) and one earlier tick was moved
+/// by `moved`, ns. From cycle 65 (660 ms) on, the object of GPS1 wrongly shows a valid position and says that messages
+/// arrive.
 fn still_valid(moved: i64, silent: bool, last: u64) -> Vec<(Violation, u64)> {
     let mut scene = Scene::new(1);
     scene.receivers[0].truncate(4);
@@ -248,7 +251,7 @@ fn ages_are_not_judged_for_two_seconds_after_irregular_ticks() {
     assert_eq!(still_valid(bound, false, 66), STATUS);
     assert_eq!(still_valid(bound + 1, false, 66), []);
     assert_eq!(still_valid(bound + 1, true, 66), []);
-    // The last irregular tick is number 62, after the moved tick. Ages are known again two seconds later.
+    // Because one tick was moved, tick 62 is the last irregular one. Two seconds later ages are known again.
     let until = 61 + UNTIMED / bounds::CYCLE;
     assert_eq!(still_valid(bound + 1, false, until), []);
     assert_eq!(still_valid(bound + 1, false, until + 1), STATUS);
@@ -261,7 +264,7 @@ fn an_ages_bounds_allow_for_clock_error_and_message_delay() {
         (least, most)
     };
     let taken = bounds::MESSAGE_TAKEN;
-    // The uncertainty of a solution's age is 2.1 % (1/47) and 1 ms.
+    // A solution's age is uncertain by 2.1 % (1/47) and 1 ms.
     assert_eq!(age(470 * MS, (0, 0)), (470 * MS - taken - (470 * MS - taken) / 47 - MS, 481 * MS));
     assert_eq!(age(taken + 48 * MS, (MS, MS)), (47 * MS - MS - MS, 59 * MS + 59 * MS / 47 + MS));
     assert_eq!(age(taken + 48 * MS, (MS, 48 * MS)), (0, 59 * MS + 59 * MS / 47 + MS));
@@ -284,7 +287,8 @@ fn a_message_of_a_disturbed_line_may_have_been_found_late() {
     };
     assert_eq!(at(400, true), []);
     assert_eq!(at(480, true), STATUS);
-    // The period is not certain either. The position may be valid for a second and 150 ms, and for HORUS's delay.
+    // HORUS may assume a period of up to one second. A position is valid for that period, for 150 ms more, and for
+    // HORUS's delay.
     let mut scene = scene.clone();
     scene.cycles = 300;
     let valid = |age: u64| {
@@ -314,7 +318,7 @@ fn a_message_with_a_doubtful_time_of_week_may_be_old() {
             let values = if valid { last.values(gps[0].timestamp) } else { GpsValues::absent(gps[0].timestamp) };
             let status = values.status.with_stale(true).with_heard(true);
             let age_ms = u32::from(last.values(gps[0].timestamp).status.solution_age_ms().unwrap());
-            // If HORUS has certainly received the burst before, the solution is as old as that burst.
+            // If HORUS has certainly received the burst before the last, the solution has the age of that burst.
             let age_ms = if scene.receivers[0][5].clean { age_ms + 100 } else { age_ms };
             gps[0] = GpsValues { status: status.with_solution_age_ms(Some(age_ms)), ..values };
             *reported = reported_as(&gps[0]);

@@ -100,14 +100,14 @@ struct Scene {
     cycles: u64,
 }
 
-/// The difference between the burst numbers of two neighbouring receivers. It puts each receiver 2.2 m north and 1.5 m
-/// west of the one before, with an acceleration greater by 0.2 m/s² along each axis.
+/// The difference between the burst numbers of two neighbouring receivers. It puts the second receiver 2.2 m north and
+/// 1.5 m west of the first and adds 0.2 m/s² along each axis.
 const APART: u32 = 200;
 /// The first cycle that shows HORUS's inputs, which need three samples.
 const INPUTS_KNOWN: u64 = 4;
 /// The instant, ns, of the first burst; a burst follows every 100 ms.
 const FIRST_BURST: u64 = 45 * MS;
-/// The number of a tick when the receivers' period is known and no message is arriving.
+/// The number of a tick at which HORUS knows each receiver's period and no message is arriving.
 const STEADY: u64 = 51;
 
 impl Scene {
@@ -140,9 +140,9 @@ impl Scene {
         GpsValues { status: aged(status, &last.values(timestamp)), ..values }
     }
 
-    /// Returns the events of the run. `change` may change what HORUS sends in a cycle (from 1). Unless `change` does
-    /// so, Reported-Position is the vote over the changed GPS objects, and HORUS's state is `Monitoring` or
-    /// `PositionLost`.
+    /// Returns the events of the run. `change` may change what HORUS sends in a cycle, which it gets by number (from
+    /// 1). Unless `change` sets them, Reported-Position is the vote over the GPS objects, and HORUS's state is
+    /// `Monitoring` or `PositionLost`.
     fn events(&self, mut change: impl FnMut(u64, &mut ReportedValues, &mut [GpsValues])) -> Events {
         let gps = self.receivers.len();
         let mut events = Events::new(gps);
@@ -187,7 +187,7 @@ impl Scene {
         kinds(&self.events(change))
     }
 
-    /// Returns the violations if `change` changes GPS1, and with it Reported-Position, in cycle `number`.
+    /// Returns the violations if `change` changes GPS1 in cycle `number`. Reported-Position follows the change.
     fn gps1(&self, number: u64, change: impl Fn(&mut GpsValues)) -> Vec<(Violation, u64)> {
         self.said(|cycle, as_reported, gps| {
             if cycle == number {
@@ -207,7 +207,7 @@ fn tick(number: u64) -> u64 {
     FIRST_TICK + (number - 1) * bounds::CYCLE
 }
 
-/// Returns the first cycle whose tick comes at least `age` after the arrival of a burst.
+/// Returns the first cycle whose tick is at least `age` after a burst has arrived.
 fn cycle_after(burst: &Burst, age: u64) -> u64 {
     (burst.arrived() + age - FIRST_TICK).div_ceil(bounds::CYCLE) + 1
 }
@@ -216,7 +216,7 @@ fn reported(gps: &GpsValues) -> ReportedValues {
     voted(std::slice::from_ref(gps))
 }
 
-/// Returns the vote of receivers that do not move: the median of those that are valid and not excluded.
+/// Returns the vote of receivers that stand still: the median of those that are valid and not excluded.
 fn voted(gps: &[GpsValues]) -> ReportedValues {
     let members: Vec<_> =
         gps.iter().filter(|gps| gps.status.position_valid() && !gps.status.excluded()).copied().collect();
@@ -230,7 +230,8 @@ fn voted(gps: &[GpsValues]) -> ReportedValues {
         let values: Vec<f64> = members.iter().map(of).filter(|value| !value.is_nan()).collect();
         if values.len() < least { None } else { middle(values) }
     };
-    // A quorum must have the values, and no two may differ by more than the limits. Angles differ by pi at most.
+    // A quorum of receivers must have values, and no two values may differ by more than the limits. Angles differ by at
+    // most pi.
     let are_agreed = |of: &[[f32; 3]], limits: [f64; 3]| {
         let off = |axis: usize, one: &[f32; 3], its: &[f32; 3]| (f64::from(one[axis]) - f64::from(its[axis])).abs();
         let turned = |off: f64| if limits[0] < 0.1 { off.min(std::f64::consts::TAU - off) } else { off };
@@ -267,7 +268,7 @@ fn voted(gps: &[GpsValues]) -> ReportedValues {
     }
 }
 
-/// Returns the median, for an even number of values the mean of the middle two; `None` without values.
+/// Returns the median of the values, or the mean of the middle two; `None` without values.
 fn middle(mut values: Vec<f64>) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     let (low, high) = (values.len().checked_sub(1)? / 2, values.len() / 2);

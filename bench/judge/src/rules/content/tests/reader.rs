@@ -3,8 +3,8 @@ use gnss_sim::ubx::{CLASS_NAV, SYNC, frame};
 use super::super::ubx::Message;
 use super::*;
 
-/// Feeds pieces of a line, each with its instant and whether it is undisturbed. Returns when each message began and
-/// arrived, and whether HORUS has certainly received it.
+/// Passes pieces of a line to the reader, each with its instant and whether the line is undisturbed. Returns when each
+/// message began and arrived, and whether HORUS must have received it.
 fn read(pieces: &[(u64, &[u8], bool)]) -> Vec<(u64, u64, bool)> {
     let mut reader = Reader::default();
     let mut found = vec![];
@@ -55,7 +55,7 @@ fn a_wrong_checksum_makes_the_messages_claimed_length_doubtful() {
     wrong[19] ^= 1;
     let bytes = [wrong.clone(), message(20)].concat();
     assert_eq!(read(&[(0, &bytes, true)]), [(200, 400, true)], "its own");
-    // The damaged length field says 60 bytes in place of 20.
+    // The length field of this message is damaged: it says 60 bytes in place of 20.
     wrong[4] += 40;
     let bytes = [wrong, message(20), message(20), message(20)].concat();
     assert_eq!(read(&[(0, &bytes, true)]), [(200, 400, false), (400, 600, false), (600, 800, true)]);

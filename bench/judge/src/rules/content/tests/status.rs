@@ -3,7 +3,7 @@ use super::*;
 
 #[test]
 fn every_bit_of_the_status_is_judged() {
-    // Bit 10, the lowest bit of the solution's age, may have either value.
+    // Bit 10 of the status may have either value: it is the lowest bit of the solution's age.
     for bit in [0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 12, 13, 14, 15] {
         let said = Scene::new(3).said(|cycle, _, gps| {
             if cycle == STEADY {
@@ -27,8 +27,8 @@ fn a_solutions_age_is_that_of_the_newest_message_taken() {
         assert!(said.is_empty() || said == STATUS, "{said:?}");
         said.is_empty()
     };
-    // The tick comes up to 10 ms after the message is 400 ms old. The age that HORUS counts may be up to 12 ms less,
-    // with an error of 2.1 % and 1 ms in either direction.
+    // The tick comes at most 10 ms after the message is 400 ms old. HORUS may count 12 ms less, and its age has an
+    // error of 2.1 % and 1 ms.
     let right: Vec<u32> = (0..62).map(|step| 25 * step).filter(|age| told(400, Some(*age))).collect();
     assert_eq!(right, [375, 400]);
     let right: Vec<u32> = (0..=62).map(|step| 25 * step).filter(|age| told(2_000, Some(*age))).collect();
@@ -65,7 +65,7 @@ fn a_receiver_that_falls_silent_takes_its_validity_along() {
     }
 }
 
-/// Returns the violations that are found if `change` changes GPS1 when the last burst, number 5, is `age` ms old.
+/// Returns the violations if `change` changes GPS1 when the last burst, number 5, is `age` ms old.
 fn at_age(age: u64, change: impl Fn(&mut GpsValues, &Burst)) -> Vec<(Violation, u64)> {
     let scene = silent_after(5, 100);
     let last = &scene.receivers[0][5];
@@ -154,7 +154,7 @@ fn a_receiver_that_repeats_its_time_of_week_renews_nothing() {
 }
 
 /// Returns whether a receiver's position may still be valid at this age, and whether it may be invalid. The receiver's
-/// period is `first` ms and then each of `steps`, until it falls silent.
+/// messages come `first` ms apart, then once after each of `steps`, and then no more.
 fn after_steps(first: u32, steps: &[u32], age: u64) -> [bool; 2] {
     let steps: Vec<u32> = std::iter::repeat_n(first, 12).chain(steps.iter().copied()).collect();
     let (mut scene, mut at, mut itow) = (Scene::new(1), FIRST_BURST, 400_000_000);

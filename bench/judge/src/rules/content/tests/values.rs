@@ -7,7 +7,7 @@ fn a_flawless_run_has_its_figures_and_no_violation() {
         let scene = Scene::new(gps);
         let (broken, figures) = found(Content::new(&header(gps)), &scene.events(unchanged).log());
         assert_eq!(broken, []);
-        // NAV-PVT comes first in the burst, so the position arrives before the burst is complete.
+        // The position has arrived before the burst ends, because NAV-PVT is the first message in it.
         let last = scene.receivers[0].iter().rfind(|burst| burst.arrived() <= tick(120) + 9 * MS).unwrap();
         let arrived = last.at + NavPvt::WIRE as u64 * BYTE_NS;
         assert_eq!(figures.last_solution_ns, vec![Some(arrived); gps]);
@@ -137,7 +137,7 @@ fn of_a_kind_two_messages_that_arrive_together_either_may_be_shown() {
     }
 }
 
-/// Returns the violations that are found if `change` changes each NAV-PVT message and HORUS shows the changed position.
+/// Returns the violations if `change` changes each NAV-PVT message and HORUS shows the position in it.
 fn position(change: impl Fn(&mut NavPvt), shown: Option<bool>, fix: u16) -> Vec<(Violation, u64)> {
     let mut scene = Scene::new(1);
     for burst in &mut scene.receivers[0] {

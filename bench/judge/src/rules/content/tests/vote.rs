@@ -11,7 +11,7 @@ const EXCLUSION: [(Violation, u64); 1] = [(Violation::ExclusionWrong, 1)];
 /// The number of 10⁻⁷ degrees of latitude in a metre, at 47.5 degrees.
 const PER_METRE: f64 = 89.94;
 
-/// Returns a scene of receivers that stand still, each at its distance, m, north of the origin and above it.
+/// Returns a scene of receivers that stand still, each at its distance, m, north of a common point and above it.
 fn standing(places: &[(f64, f64)]) -> Scene {
     let mut scene = Scene::of_cycles(places.len(), 100, 120);
     for (receiver, (north, up)) in places.iter().enumerate() {
@@ -24,7 +24,7 @@ fn standing(places: &[(f64, f64)]) -> Scene {
     scene
 }
 
-/// Returns a scene of receivers that stand close together, but GPS2 is 100 m away in these bursts.
+/// Returns a scene of receivers that stand close together, except that GPS2 is 100 m away in these bursts.
 fn strayed(gps: usize, bursts: std::ops::Range<usize>) -> Scene {
     let mut scene = Scene::of_cycles(gps, 100, 260);
     for burst in &mut scene.receivers[1][bursts] {
@@ -43,8 +43,8 @@ fn excluded(scene: &Scene, cycles: std::ops::Range<u64>) -> Vec<(Violation, u64)
     scene.said(|cycle, _, gps| gps[1].status = gps[1].status.with_excluded(cycles.contains(&cycle)))
 }
 
-/// Returns the violations that are found if HORUS excludes these receivers. The exclusion begins one cycle after all
-/// receivers are valid, when the vote first has a result.
+/// Returns the violations if HORUS excludes these receivers one cycle after all receivers are valid, when the vote
+/// first has a result.
 fn without(scene: &Scene, receivers: &[usize]) -> Vec<Violation> {
     let mut before = false;
     let said = scene.said(|_, reported, gps| {
@@ -61,7 +61,7 @@ fn without(scene: &Scene, receivers: &[usize]) -> Vec<Violation> {
     said.into_iter().map(|(violation, _)| violation).collect()
 }
 
-/// Returns the violations if Reported-Position is the vote of these receivers and no receiver is excluded.
+/// Returns the violations if Reported-Position is the vote of `members` and no receiver is excluded.
 fn of_members(scene: &Scene, members: &[usize]) -> Vec<Violation> {
     let mut before = false;
     let said = scene.said(|_, reported, gps| {
@@ -116,7 +116,7 @@ fn who_was_excluded_is_in_the_figures() {
     let figures: Figures = found(Content::new(&header(3)), &events.log()).1;
     let [exclusion] = figures.voter.exclusions[..] else { panic!("{:?}", figures.voter) };
     assert_eq!((exclusion.receiver, exclusion.from_ns, exclusion.until_ns), (2, tick(from), Some(tick(until))));
-    // The farthest receiver is GPS3, 2.2 m north and 1.5 m west of where GPS2 was before.
+    // The farthest receiver from the stray GPS2 is GPS3, which is 2.2 m north and 1.5 m west of where GPS2 was.
     assert!((exclusion.away_m.unwrap() - 102.2).abs() < 0.2, "{exclusion:?}");
     assert!((exclusion.height_m.unwrap() - 0.2).abs() < 0.01, "{exclusion:?}");
     let before = figures.voter.none;
@@ -129,7 +129,7 @@ fn who_was_excluded_is_in_the_figures() {
 fn a_receiver_that_strays_has_no_vote() {
     let scene = strayed(3, 5..9);
     let (from, until) = (shows(&scene, 5), shows(&scene, 9));
-    // The voter may exclude the receiver one cycle after its object shows the stray position.
+    // The voter may exclude the receiver as late as one cycle after its object shows the stray position.
     assert_eq!(excluded(&scene, 0..0), [(Violation::VoteWrong, until - from - 1)]);
     assert_eq!(excluded(&scene, from + 1..until + 100), []);
     assert_eq!(excluded(&scene, from + 2..until + 100), VOTE);
@@ -139,7 +139,7 @@ fn a_receiver_that_strays_has_no_vote() {
 fn a_receiver_is_not_excluded_without_a_cause() {
     let scene = Scene::new(3);
     assert_eq!(excluded(&scene, 0..0), []);
-    // The exclusion has no cause, and ends before a second has passed.
+    // HORUS excludes a receiver without a cause, and readmits it before a second has passed.
     assert_eq!(excluded(&scene, STEADY..STEADY + 10), [(Violation::ExclusionWrong, 2)]);
     assert_eq!(excluded(&scene, STEADY..121), EXCLUSION);
     let mut scene = Scene::new(3);
@@ -190,7 +190,7 @@ fn a_result_needs_a_quorum_and_more_receivers_than_oppose_it() {
             }
         }
     }
-    // Two of five receivers are too few even if the others are silent; one of two is enough.
+    // Two of five receivers are no quorum, even if the other three are silent. One of two receivers is.
     for (speak, gps, least) in [(1, 2, 1), (1, 3, 2), (2, 3, 2), (2, 5, 3), (3, 5, 3)] {
         let mut scene = standing(&vec![(0.0, 0.0); gps]);
         scene.receivers[speak..].iter_mut().for_each(Vec::clear);
@@ -205,12 +205,12 @@ fn a_result_needs_a_quorum_and_more_receivers_than_oppose_it() {
 
 #[test]
 fn the_result_must_come_from_a_largest_set_of_agreeing_receivers() {
-    // Accuracies of 4 m each let two receivers agree up to 17 m.
+    // With accuracies of 4 m each, two receivers agree up to a distance of 17 m.
     let scene = standing(&[(0.0, 0.0), (9.0, 0.0), (9.0, 0.0), (22.0, 0.0), (22.0, 0.0)]);
     assert_eq!(of_members(&scene, &[1, 2, 3, 4]), []);
     assert_eq!(of_members(&scene, &[0, 1, 2]), [Violation::VoteWrong]);
     assert_eq!(without(&scene, &[0]), [Violation::ExclusionWrong]);
-    // HORUS may choose either of two sets of the same size.
+    // HORUS may vote from either of two sets of receivers that agree, because both have the same size.
     let scene = standing(&[(0.0, 0.0), (9.0, 0.0), (22.0, 0.0)]);
     assert_eq!(of_members(&scene, &[1, 2]), []);
     assert_eq!(of_members(&scene, &[0, 1]), []);
@@ -224,8 +224,8 @@ fn the_result_must_come_from_a_largest_set_of_agreeing_receivers() {
     assert_eq!(of_members(&scene, &[0, 1]), [Violation::ExclusionWrong]);
 }
 
-/// Returns the violations that are found with three receivers in the vote, and those with only the first two. The third
-/// is `north` m north of the others and `up` m above them.
+/// Returns the violations of two runs with three receivers: in the first all three are in the vote, in the second only
+/// two. The third receiver is `north` m north of the others and `up` m above them.
 fn together(accuracy: [u32; 2], north: f64, up: f64) -> (Vec<Violation>, Vec<Violation>) {
     let mut scene = standing(&[(0.0, 0.0), (0.0, 0.0), (north, up)]);
     for pvt in scene.receivers.iter_mut().flatten().filter_map(|burst| burst.pvt.as_mut()) {
@@ -238,8 +238,8 @@ fn together(accuracy: [u32; 2], north: f64, up: f64) -> (Vec<Violation>, Vec<Vio
 fn two_receivers_agree_within_three_times_their_combined_accuracy() {
     let agree = (vec![], vec![Violation::ExclusionWrong]);
     let disagree = (vec![Violation::VoteWrong], vec![]);
-    // A position's age of up to 160 ms adds at most 5 cm to its accuracy. Within a further 1 % and 5 cm of the limit,
-    // two receivers may agree or disagree.
+    // An age of up to 160 ms adds at most 5 cm to a position's accuracy. Two receivers may agree or disagree within 1 %
+    // and 5 cm of the limit.
     for (accuracy, along, high) in [
         ([100, 100], 5.0, 8.0),
         ([3_000, 3_000], 12.73, 12.73),
@@ -251,7 +251,7 @@ fn two_receivers_agree_within_three_times_their_combined_accuracy() {
         assert_eq!(together(accuracy, 0.0, high * 0.98 - 0.06), agree, "{accuracy:?}");
         assert_eq!(together(accuracy, 0.0, -high * 1.02 - 0.25), disagree, "{accuracy:?}");
     }
-    // At the limit itself two receivers may agree or disagree.
+    // Exactly at the limit two receivers may agree or disagree.
     assert_eq!(together([3_000, 3_000], 12.75, 0.0), (vec![], vec![]));
 }
 
@@ -352,17 +352,18 @@ fn a_position_is_brought_to_the_tick() {
 
 #[test]
 fn a_position_is_older_if_its_message_comes_late() {
-    // GPS2 flies north between two receivers that stand still. Each row states by how many ms each receiver's messages
-    // are late, and how old, s, GPS2's position is when its message arrives.
+    // GPS2 flies north between two receivers that stand still. Each row has the delay of each receiver's messages, ms,
+    // and the age of GPS2's position when its message arrives, s.
     for (late, before_arrival) in [
         ([0, 0, 0], 0.050),
         ([0, 40, 20], 0.070),
         ([20, 0, 40], 0.030),
         ([0, 40, 0], 0.090),
-        // These latencies differ by more than HORUS accepts.
+        // The delays of these receivers differ by more than HORUS accepts.
         ([0, 70, 0], 0.050),
         ([70, 0, 65], 0.050),
-        // These latencies are close to the limit: HORUS takes a message up to 12 ms after its arrival.
+        // The delays of these receivers differ by about as much as HORUS accepts. HORUS processes a message up to 12 ms
+        // after its arrival.
         ([0, 50, 0], 0.050),
         ([0, 50, 0], 0.100),
     ] {
@@ -371,11 +372,11 @@ fn a_position_is_older_if_its_message_comes_late() {
             for (number, burst) in (0..).zip(bursts) {
                 burst.at += late * MS;
                 let pvt = burst.pvt.as_mut().unwrap();
-                // The GPS week ends during the run.
+                // The times of week pass from one GPS week to the next during the run.
                 pvt.itow_ms = (WEEK_MS - 500 + 100 * number) % WEEK_MS;
             }
         }
-        // GPS2 flies once all receivers have sent messages.
+        // GPS2 begins to fly when every receiver has sent messages.
         scene.receivers[1][3..].iter_mut().for_each(|burst| burst.pvt.as_mut().unwrap().velocity_mm_s = [6_000, 0, 0]);
         let arrived: Vec<u64> = scene.receivers[1].iter().map(Burst::arrived).collect();
         let said = |off: f64| {
@@ -482,8 +483,8 @@ fn attitude_and_acceleration_are_those_of_the_members_that_have_one() {
     assert_eq!(said, REPORTED);
 }
 
-/// Returns the violations that are found in a scene with the changed `bursts`: for a vote by the rules, and for a vote
-/// that `changed` changes in all cycles in which every receiver has sent messages.
+/// Returns the violations of two runs with the changed `bursts`. In the first HORUS votes by the rules. In the second
+/// `changed` changes the vote in all cycles in which every receiver has sent messages.
 fn of_three(
     gps: usize,
     bursts: impl Fn(usize, &mut Burst),
@@ -612,7 +613,7 @@ fn attitude_and_acceleration_take_a_quorum_that_agrees() {
     }
 }
 
-/// Returns a scene of receivers that all jump this far (m) north and up in these bursts.
+/// Returns a scene in which all receivers jump by this distance (m) north and up during these bursts.
 fn jumping(gps: usize, bursts: std::ops::Range<usize>, north: f64, up: f64) -> Scene {
     let mut scene = Scene::of_cycles(gps, 100, 300);
     for receiver in &mut scene.receivers {
@@ -625,7 +626,7 @@ fn jumping(gps: usize, bursts: std::ops::Range<usize>, north: f64, up: f64) -> S
     scene
 }
 
-/// Removes the voted position, but leaves HORUS's state as it is.
+/// Removes the voted position from Reported-Position, but leaves HORUS's state as it is.
 fn withhold(reported: &mut ReportedValues) {
     let state = reported.status.state().unwrap();
     *reported = ReportedValues::absent(reported.timestamp);
@@ -640,7 +641,7 @@ fn withheld(scene: &Scene, cycles: std::ops::Range<u64>) -> Vec<(Violation, u64)
     })
 }
 
-/// Returns the first cycle in which HORUS votes on burst `number` of GPS1.
+/// Returns the first cycle in whose vote HORUS uses burst `number` of GPS1.
 fn voted_from(scene: &Scene, number: usize) -> u64 {
     cycle_after(&scene.receivers[0][number], MS)
 }
@@ -664,9 +665,10 @@ fn who_comes_back_from_a_jump_has_to_be_shown_at_once() {
     let scene = jumping(3, 8..12, 1_000.0, 0.0);
     let (from, until) = (voted_from(&scene, 8), voted_from(&scene, 12));
     assert_eq!(withheld(&scene, from..until), []);
-    // In the first of these cycles HORUS may still have voted on the burst before.
+    // In the first cycle after the jump, the vote may still have used the burst before the jump.
     assert_eq!(withheld(&scene, from..until + 4), [(Violation::VoteMissing, 3)]);
-    // The position is held back for 400 ms, returns for one burst, and jumps again. The 400 ms then do not count.
+    // HORUS holds the new position back for 400 ms. Then the old position returns for one burst, so the second of
+    // holding back begins anew.
     let mut scene = jumping(3, 8..99, 1_000.0, 0.0);
     for receiver in &mut scene.receivers {
         receiver[12].pvt.as_mut().unwrap().latitude_1e7 -= (1_000.0 * PER_METRE) as i32;
@@ -685,7 +687,7 @@ fn who_comes_back_from_a_jump_has_to_be_shown_at_once() {
 
 #[test]
 fn a_step_within_200_m_s_and_the_accuracies_is_no_jump() {
-    // Accuracies of 4 m each allow a step of 17 m, and 200 m/s adds 2 m in each cycle.
+    // Accuracies of 4 m each allow a step of 17 m, and a speed of 200 m/s allows 2 m more in each cycle.
     let missing = |north: f64, cycles: u64| {
         let scene = jumping(3, 8..99, north, 0.0);
         let from = voted_from(&scene, 8);
@@ -694,7 +696,7 @@ fn a_step_within_200_m_s_and_the_accuracies_is_no_jump() {
     assert_eq!(missing(17.0, 0), []);
     assert_eq!(missing(17.0, 2)[0].0, Violation::VoteMissing);
     assert_eq!(missing(25.0, 0), VOTE);
-    // An aircraft flies 100 m less the allowed step in 0.42 s.
+    // An aircraft that flies at the greatest speed needs 0.42 s for 100 m, less the allowed step.
     assert_eq!(missing(100.0, 42), []);
     assert_eq!(missing(100.0, 30), VOTE);
     assert_eq!(missing(100.0, 60)[0].0, Violation::VoteMissing);
@@ -782,7 +784,7 @@ fn horus_is_starting_until_its_first_result() {
     assert_eq!(scene.said(unchanged), []);
     assert_eq!(scene.said(monitoring), REPORTED);
     assert_eq!(scene.said(lost), REPORTED, "there was none");
-    // After a cycle without a frame, it is not known whether the vote had a result before.
+    // A cycle without a frame hides from the judge whether the vote had a result in it.
     let mut events = scene.events(lost);
     let unseen = tick(STEADY - 5);
     events.without(
@@ -809,18 +811,18 @@ fn horus_monitors_only_while_there_is_a_result() {
     assert_eq!(state(gone, HorusState::Monitoring), REPORTED);
 }
 
-/// Returns the violations that are found if HORUS restarts for `cause` while GPS2 is excluded. `excluded` says whether
-/// GPS2 and GPS3 are excluded after the restart.
+/// Returns the violations if HORUS restarts for `cause` while GPS2 is excluded. `excluded` says whether GPS2 and GPS3
+/// are excluded afterwards.
 fn after_restart(cause: Cause, reason: ResetReason, excluded: [bool; 2]) -> Vec<(Violation, u64)> {
     after_off(false, cause, reason, excluded)
 }
 
-/// Like [`after_restart`]; with `off`, HORUS's supply is off for 10 ms before the restart.
+/// Does what [`after_restart`] does; with `off`, HORUS has no supply for 10 ms before the restart.
 fn after_off(off: bool, cause: Cause, reason: ResetReason, excluded: [bool; 2]) -> Vec<(Violation, u64)> {
     after_cycles(&strayed(3, 5..26), 25, off, cause, reason, excluded)
 }
 
-/// Like [`after_off`], with the restart `cycles` cycles after the first cycle in which GPS2 is excluded.
+/// Does what [`after_off`] does, with the restart `cycles` cycles after the first cycle that excludes GPS2.
 fn after_cycles(
     scene: &Scene,
     cycles: u64,
@@ -869,7 +871,7 @@ fn who_is_excluded_stays_so_over_a_restart_that_keeps_ram() {
 
 #[test]
 fn just_before_a_restart_an_unseen_vote_may_exclude_a_receiver() {
-    // All receivers would send a burst just before the 20th cycle after the exclusion; only the listed receivers do.
+    // In the 20th cycle after the exclusion all receivers are due to send a burst; only those in `speak` do.
     let found = |cycles: u64, speak: &[usize], excluded: [bool; 2]| {
         let mut scene = strayed(3, 5..26);
         for (receiver, bursts) in scene.receivers.iter_mut().enumerate() {
@@ -992,8 +994,8 @@ fn while_ticks_are_not_regular_no_place_is_judged() {
     assert_eq!(kinds(&events), []);
 }
 
-/// HORUS votes in the cycle before the tick. A position that is too old at the tick does not count, even if the tick's
-/// object shows a newer one.
+/// HORUS votes one cycle before the tick, and drops a position that will be too old at the tick. The tick's object may
+/// already show a newer position.
 #[test]
 fn a_position_that_expires_before_its_successor_comes_may_miss_one_vote() {
     let without_gps2 = |scene: &Scene, missed: u64| {

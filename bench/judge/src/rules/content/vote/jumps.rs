@@ -1,10 +1,11 @@
 //! Judges whether a voted place or altitude jumps, and for how long HORUS has to hold it back (decision 15, jumps).
 //!
 //! A voted place or altitude jumps if it is too far from the one that HORUS showed last. The limit is the distance that
-//! the aircraft flies in the meantime at 200 m/s, and the distance within which two receivers of these accuracies
-//! agree. HORUS must not show a place or altitude that jumps until the vote has had a result without a jump at every
-//! tick for one second. HORUS must show it after that second, and any that does not jump. Close to these limits, and
-//! where the log does not determine them, HORUS may show it or not.
+//! the aircraft flies in the meantime at 200 m/s, plus the distance within which two receivers of these accuracies
+//! agree.
+//!
+//! HORUS must hold a jump back until the vote has had a result for one second without a further jump, and must show it
+//! after that. Close to these limits, and where the log does not determine them, the judge accepts both.
 
 use gnss_sim::{Geodetic, TangentPlane};
 
@@ -13,19 +14,19 @@ use crate::bounds;
 
 /// The voted place, or the voted altitude, at a tick.
 pub(super) trait Mark: Clone {
-    /// The least and the greatest distance, m, within which two receivers may agree.
+    /// The least and the greatest limit, m, of the distance within which two receivers agree.
     const LIMITS_M: (f64, f64);
 
-    /// Returns the distance, m, to the later place or altitude `next`.
+    /// Returns the distance, m, from this place or altitude to the later `next`.
     fn way(&self, next: &Self) -> Range;
 
-    /// Returns the greatest inflated accuracy, m, among the receivers of this vote.
+    /// Returns the greatest accuracy, m, of a receiver in this vote, with the addition for the age of its position.
     fn accuracy(&self) -> Range;
 
-    /// Returns ranges that cover both places or altitudes.
+    /// Returns a place or altitude whose ranges cover both.
     fn or(self, other: Self) -> Self;
 
-    /// Returns whether `next`, voted `ns` later, is near enough not to be a jump.
+    /// Returns whether `next`, voted `ns` later, is so near that it is no jump.
     fn leads_to(&self, next: &Self, ns: u64) -> Relation {
         let Range { least, most } = self.way(next);
         let off = |distance: f64| distance * bounds::GEODESY_SHARE + bounds::ARITHMETIC_M;
@@ -34,7 +35,7 @@ pub(super) trait Mark: Clone {
             let (floor, ceiling) = Self::LIMITS_M;
             (bounds::AGREEMENT_SIGMAS * one.hypot(its)).clamp(floor, ceiling) + flown(ns)
         };
-        // HORUS counts time by its own ticks, so the error of its clock widens the limits.
+        // HORUS counts time in its own ticks, whose clock may be wrong, so each limit of the distance becomes wider.
         let slack = ns / (bounds::CYCLE / bounds::TICK_TOLERANCE);
         if least - off(least) > limit(one.most, its.most, ns + slack) {
             Relation::Disagree
@@ -45,7 +46,8 @@ pub(super) trait Mark: Clone {
         }
     }
 
-    /// Returns whether `next`, voted two ticks later, can be reached without a jump, whatever the result in between.
+    /// Returns whether there may be a result between this one and `next`, voted two ticks later, so that neither step
+    /// is a jump.
     fn may_lead_by_two(&self, next: &Self) -> bool {
         let way = self.way(next).least * (1.0 - bounds::GEODESY_SHARE) - bounds::ARITHMETIC_M;
         way <= 2.0 * (Self::LIMITS_M.1 + flown(bounds::CYCLE + bounds::TICK_TOLERANCE))
@@ -113,7 +115,7 @@ impl Mark for Level {
     }
 }
 
-/// The vote's result for the place or the altitude at a tick.
+/// The result of a vote at a tick, for the place or for the altitude.
 #[derive(Clone, Debug)]
 pub(super) struct Found<T> {
     pub(super) sure: bool,
@@ -127,7 +129,7 @@ enum Last<T> {
     /// HORUS has shown no place or altitude since its start.
     Nothing,
     Unknown,
-    /// HORUS showed this place or altitude at the tick at this instant.
+    /// HORUS last showed this place or altitude, at the tick at this instant.
     At(u64, T),
 }
 
@@ -135,13 +137,13 @@ enum Last<T> {
 #[derive(Clone, Debug)]
 pub(super) struct Course<T> {
     last: Last<T>,
-    /// The results at the last two ticks; `None` if not known. If HORUS may have taken a message at either of two
-    /// ticks, the ranges cover both.
+    /// The votes' results at the last two ticks; `None` if not known. Where HORUS may have used a message at either of
+    /// two ticks, a result is a range that covers both cases.
     before: [Option<T>; 2],
-    /// The instant, ns, of the last tick at which the vote certainly had no result or jumped, or at which HORUS showed
-    /// one.
+    /// The last tick, ns, at which the second for which HORUS holds a jump back certainly began anew. It begins anew if
+    /// there is no result, if the result jumps, or if HORUS shows the place.
     broke: u64,
-    /// The instant, ns, of the last tick at which the vote may have had no result or may have jumped.
+    /// The last tick, ns, at which the vote may have had no result, or may have jumped.
     may_have_broken: u64,
 }
 
@@ -150,7 +152,7 @@ impl<T: Mark> Course<T> {
         Self { last: Last::Nothing, before: [None, None], broke: 0, may_have_broken: 0 }
     }
 
-    /// Records that the place or altitude shown last, and the results since then, are not known.
+    /// Records that neither the place or altitude shown last nor the results since then are known.
     pub(super) fn lose(&mut self) {
         self.last = Last::Unknown;
         self.before = [None, None];
@@ -183,7 +185,7 @@ impl<T: Mark> Course<T> {
         found.sure && (is_near || tick - self.may_have_broken > bounds::HELD_BACK)
     }
 
-    /// Returns, in words, why HORUS must not show this place or altitude yet; `None` if HORUS may show it.
+    /// Returns, in words, why HORUS must still hold this place or altitude back; `None` if HORUS may show it.
     pub(super) fn shown_too_soon(&self, tick: u64, mark: &T) -> Option<String> {
         let Last::At(at, last) = &self.last else { return None };
         let jumps = last.leads_to(mark, tick - at) == Relation::Disagree;

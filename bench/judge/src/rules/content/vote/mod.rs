@@ -4,16 +4,16 @@
 //!
 //! # How it is judged
 //!
-//! HORUS votes for a tick in the cycle before. For each receiver the vote uses what the receiver's GPS object shows in
-//! this cycle, or what it showed in the cycle before. A receiver whose position may be voted on is a candidate. A
-//! receiver with a valid position in both objects is a candidate, unless its older position may expire before its newer
-//! one comes. A receiver with a valid position in one object may be a candidate. A receiver that is excluded in both
-//! cycles is not eligible for the result. The judge takes position, velocity and accuracy from the messages, and knows
-//! their ages within the limits of `track::Age`. For each two receivers the judge determines whether they agree,
-//! disagree, or may do either ([`places`]).
+//! HORUS votes for a tick in the cycle before it, from what each receiver's GPS object shows in this cycle or showed in
+//! the cycle before. A receiver is a candidate if its position may be voted on. If both objects have a valid position,
+//! it certainly is one, unless the older position may expire before the newer one comes. If only one has, it may be
+//! one. A receiver that is excluded in both cycles is not eligible for the result.
 //!
-//! The members of a result are the eligible receivers from which it was voted. HORUS states only their number.
-//! Therefore the judge tries every set of so many receivers, and reports a violation only if no set fits.
+//! Position, velocity and accuracy come from the messages, and their ages are known within the limits of `track::Age`.
+//! For each two receivers the judge determines whether they agree, disagree, or may do either ([`places`]).
+//!
+//! The members of a result are the eligible receivers from which HORUS voted it. HORUS states only their number, so the
+//! judge tries every set of that size, and reports a violation only if none fits.
 //!
 //! | violation | when |
 //! |---|---|
@@ -29,27 +29,29 @@
 //! - The vote has no result.
 //! - The receiver agrees with a member of the result.
 //!
-//! A receiver must not stay excluded if it began to agree with all members more than 1.1 s ago. A receiver must be
-//! excluded if it agrees with no member, or if it cannot have agreed for a second since its exclusion. If M members
-//! have an altitude, a receiver with an altitude has to agree with one of those.
+//! A receiver must not stay excluded if it has agreed with all members of the result for more than 1.1 s. It must be
+//! excluded if it agrees with no member, or if it has agreed for less than a second since its exclusion. If a quorum of
+//! the members have an altitude, a receiver that has one too must agree with one of them.
 //!
-//! After a restart of HORUS that leaves RAM as it was, a receiver must still be excluded unless it can have returned. A
-//! receiver that was not excluded must not be excluded then if it agreed with all others, has sent nothing new, and
-//! fewer than M others have.
+//! After a restart of HORUS that leaves RAM as it was, an excluded receiver stays excluded unless it may have returned.
+//! A receiver that agreed with all others must not be excluded then, if it has sent nothing new and fewer than M others
+//! have. M is the quorum.
 //!
-//! An altitude, an attitude and an acceleration are each voted from at least M members that have one and all agree.
+//! An altitude, an attitude and an acceleration are each voted from receivers that state one. They must be at least M,
+//! the quorum, and must all agree.
 //!
-//! At most one violation is reported for a cycle. M is 1, 1, 2, 3 for 1, 2, 3, 5 receivers.
+//! At most one violation is reported for a cycle. M, the quorum, is 1, 1, 2, 3 for 1, 2, 3, 5 receivers.
 //!
 //! # What is not judged
 //!
-//! - The cycle after one with a missing or wrong object, because it is not known which receivers were excluded before.
-//! - Positions and agreement, while it is not known which message HORUS uses: HORUS's ticks are irregular, or the
-//!   object fits a message that HORUS may have taken neither as taken nor as missed.
-//! - Which of several sets of the same size HORUS chooses.
+//! - Exclusions are not judged in the cycle after a missing or wrong object, because the receivers excluded before are
+//!   not known.
+//! - Positions and agreement are not judged while it is not known which message HORUS uses. This is so while HORUS's
+//!   ticks are irregular, or if an object fits no message that HORUS may have used.
+//! - HORUS's choice between several sets of the same size is not judged.
 //! - The status bit about HORUS's clock.
 //!
-//! Injected faults excuse nothing here: HORUS has to apply decision 15 to the messages that it takes.
+//! Injected faults excuse nothing in this rule: HORUS applies decision 15 to whatever messages it has.
 
 mod jumps;
 mod places;
@@ -71,33 +73,33 @@ type Set = u8;
 pub(super) struct Seen {
     pub(super) values: GpsValues,
     pub(super) held: Vec<Held>,
-    /// Whether the position is certainly still valid at the next tick without a newer message.
+    /// Whether the position certainly stays valid until the next tick without a newer message.
     pub(super) lasts: bool,
-    /// Whether the receiver sent so often that the voter may have used values that no object shows.
+    /// Whether the receiver sent messages so quickly that the vote may have used values that no object shows.
     pub(super) hurried: bool,
 }
 
-/// When an excluded receiver last failed to agree with the result of the vote.
+/// The last ticks at which an excluded receiver did not agree with the result of the vote.
 #[derive(Clone, Copy, Debug, Default)]
 struct Returning {
-    /// The last tick, ns, at which the receiver may have been no candidate, or may have disagreed.
+    /// The last tick, ns, at which the receiver may have disagreed, or may not have been a candidate.
     may_not: u64,
-    /// The last tick, ns, at which the receiver certainly was no candidate or disagreed.
+    /// The last tick, ns, at which the receiver certainly disagreed or was no candidate.
     did_not: Option<u64>,
 }
 
-/// What is known of HORUS's vote from one cycle to the next.
+/// What the judge knows of HORUS's votes so far, which it needs for the next cycle.
 #[derive(Clone, Debug)]
 pub(super) struct Vote {
     receivers: usize,
-    /// The number, from HORUS's start, of the last cycle that the judge has seen, and the receivers excluded in it.
+    /// The last cycle that the judge has seen: its number, from HORUS's start, and the receivers excluded in it.
     last: (u64, Set),
-    /// The GPS objects of that cycle.
+    /// The GPS objects of the last cycle that the judge has seen.
     earlier: Vec<Seen>,
     returning: [Returning; MAX_RECEIVERS],
-    /// The receivers that must, and may, be excluded in HORUS's first cycle; `None` after that cycle.
+    /// The receivers that must be excluded in HORUS's first cycle, and those that may be; `None` after that cycle.
     restarted: Option<(Set, Set)>,
-    /// The receivers that the vote after the last cycle may have excluded.
+    /// The receivers that the vote after the last seen cycle may have excluded.
     doubtful: Set,
     /// The tick, ns, of the last cycle that the judge has seen.
     pub(super) last_tick: u64,
@@ -107,32 +109,32 @@ pub(super) struct Vote {
     may_be_located: bool,
     places: Course<Spot>,
     altitudes: Course<Level>,
-    /// Whether the judge knows the readings of the inputs that HORUS has accepted.
+    /// Whether HORUS has certainly accepted a reading of each of its inputs.
     inputs_known: bool,
 }
 
-/// Whether HORUS finds in its RAM, when it starts, which receivers were excluded.
+/// Whether a start of HORUS finds in RAM which receivers were excluded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Ram {
     /// RAM kept its content, because the supply stayed on.
     Kept,
     /// RAM may have kept its content: the supply was off, and the log does not say how low the voltage went.
     MayBeKept,
-    /// RAM lost its content, or HORUS must not use it after a power-on.
+    /// RAM lost its content, or the start is a power-on, after which HORUS must not use the content.
     Lost,
 }
 
 #[derive(Clone, Debug, Default)]
 pub(super) struct Judged {
     pub(super) wrong: Option<(Violation, String)>,
-    /// For each receiver, its distance, m, from the farthest receiver in the vote: along the ground and in height.
+    /// For each receiver, its horizontal and vertical distance, m, from the farthest receiver in the vote.
     pub(super) away: [Option<(f64, Option<f64>)>; MAX_RECEIVERS],
 }
 
 /// The GPS objects of a cycle, and what follows from them for the vote.
 struct Cycle<'a> {
     seen: &'a [Seen],
-    /// The objects of the cycle before.
+    /// The GPS objects of the cycle before this one.
     earlier: &'a [Seen],
     places: Vec<Place>,
     relations: [[Relation; MAX_RECEIVERS]; MAX_RECEIVERS],
@@ -144,12 +146,12 @@ struct Cycle<'a> {
     now: Set,
     /// The receivers excluded in the cycle before.
     before: Set,
-    /// The least number of receivers that have to agree for a result.
+    /// The quorum: the number of receivers that have to agree for a result.
     least: usize,
 }
 
 impl Cycle<'_> {
-    /// Returns the receivers in `others` that have this relation to `receiver`.
+    /// Returns those of `others` that have this relation to `receiver`.
     fn related(&self, receiver: usize, others: Set, relation: Relation) -> Set {
         each(others & !bit(receiver))
             .filter(|other| self.relations[receiver][*other] == relation)
@@ -161,20 +163,20 @@ impl Cycle<'_> {
         self.related(receiver, others, Relation::Agree) == others
     }
 
-    /// Returns the largest subset in which every two receivers certainly agree.
+    /// Returns the largest subset of which every two receivers certainly agree.
     fn largest(&self, of: Set) -> Set {
         let sets = (0..1 << self.seen.len()).filter(|set: &Set| set & !of == 0);
         let agree = |set: &Set| each(*set).all(|receiver| self.agrees_with_all(receiver, *set));
         sets.filter(agree).max_by_key(|set| set.count_ones()).unwrap_or(0)
     }
 
-    /// Returns the receivers that certainly are, and those that may be, eligible for the result.
+    /// Returns the receivers that are certainly eligible for the result, and those that may be.
     fn eligible(&self) -> (Set, Set) {
         (self.sure & !(self.now & self.before), self.may & !(self.now & self.before))
     }
 
     /// Returns the members of a result with which `receiver` has to agree: those that certainly count, and those that
-    /// may. If the receiver and a quorum of the members have an altitude, only members with an altitude count.
+    /// may count. Only members with an altitude count if the receiver and a quorum of the members have one.
     fn peers(&self, receiver: usize, members: Set) -> (Set, Set) {
         let (own, quorum) = (bit(receiver), |set: Set| count(members & set) >= self.least);
         if self.may_be_high & own == 0 || !quorum(self.may_be_high) {
@@ -209,7 +211,7 @@ impl Cycle<'_> {
         (place, altitude)
     }
 
-    /// Returns the greatest horizontal or vertical accuracy among these members of a result.
+    /// Returns the range of the worst horizontal or vertical accuracy, by `axis`, among these members.
     fn accuracy(&self, members: Set, axis: usize) -> Option<Range> {
         let of: Option<Vec<_>> = each(members).map(|member| Some(self.places[member].accuracy()?[axis])).collect();
         of?.into_iter().reduce(|one, its| Range { least: one.least.max(its.least), most: one.most.max(its.most) })
@@ -225,7 +227,7 @@ impl Cycle<'_> {
         Some(Spot { at: origin.beside([north.middle(), east.middle()])?, within, accuracy: self.accuracy(members, 0)? })
     }
 
-    /// Returns the altitude that these members vote, if it is known which of them have an altitude.
+    /// Returns the altitude that these members vote for; `None` if it is not known which of them have an altitude.
     fn level(&self, members: Set) -> Option<Level> {
         let high = members & self.high;
         let of: Option<Vec<_>> = each(high).map(|member| self.places[member].altitude().0).collect();
@@ -234,7 +236,7 @@ impl Cycle<'_> {
     }
 }
 
-/// Returns ranges that cover all of `marks`; `None` if one of them is not known.
+/// Returns a range that covers all `marks`, which are places or altitudes; `None` if one of them is not known.
 fn all<T: Mark>(marks: impl Iterator<Item = Option<T>>) -> Option<T> {
     marks.collect::<Option<Vec<_>>>()?.into_iter().reduce(Mark::or)
 }
@@ -257,14 +259,16 @@ impl Vote {
         }
     }
 
-    /// Resets the state at a start of HORUS after `ticks` ticks. What may remain in HORUS's `ram` is only which
-    /// receivers were excluded: in the last cycle that the judge has seen, or after up to three votes that no frame
-    /// shows. In these votes the receivers `heard` may have had newer positions. A receiver that agreed with all others
-    /// can then become excluded only by a newer position of its own, or by newer positions of a whole quorum.
+    /// Resets the state at a start of HORUS after `ticks` ticks. `ram` says whether HORUS may still know which
+    /// receivers were excluded: those of the last judged cycle, changed by up to three votes that no frame shows.
+    ///
+    /// In the votes that no frame shows, HORUS may have used newer positions of the receivers `heard`. A receiver that
+    /// agreed with all others can become excluded only by a newer position of its own, or by newer positions of a whole
+    /// quorum.
     pub(super) fn restart(&mut self, ram: Ram, ticks: u64, heard: Set) {
         let all = (0..self.receivers).fold(0, |set, receiver| set | bit(receiver));
         let restarted = match self.restarted {
-            // The judge saw no cycle since HORUS's previous start.
+            // There was no cycle to judge between HORUS's previous start and this one.
             Some((must, may)) => (must, if ticks == 0 { may } else { all }),
             None if ticks > self.last.0 + 1 => (0, all),
             None => {
@@ -286,7 +290,7 @@ impl Vote {
         *self = Self { restarted, ..Self::new(self.receivers) };
     }
 
-    /// Returns, in words, what is wrong with the receivers excluded in cycle `number`, the first one seen since a
+    /// Returns, in words, which exclusion is wrong in cycle `number`, the first cycle that the judge has seen since a
     /// start.
     fn after_restart(&self, (must, may): (Set, Set), excluded: Set, number: u64) -> Option<String> {
         if must & !excluded != 0 && number * bounds::CYCLE < bounds::NOT_RETURNED {
@@ -296,7 +300,7 @@ impl Vote {
             .then(|| format!("{} excluded after a restart, and was not before it", names(excluded & !may)))
     }
 
-    /// Returns whether the judge has seen the cycle before cycle `number` (from 1).
+    /// Returns whether the cycle before `number` (from 1) is the last one that the judge has seen.
     pub(super) fn follows(&self, number: u64) -> bool {
         self.last.0 + 1 == number
     }
@@ -334,7 +338,6 @@ impl Vote {
         }
         self.remember(tick, follows, result, &cycle, &members);
         if !follows || result && judged.wrong.is_some() {
-            // HORUS may compare its next result with this one, or with an earlier one.
             self.places.lose();
             self.altitudes.lose();
         } else if result {
@@ -353,8 +356,8 @@ impl Vote {
         judged
     }
 
-    /// Records whether each receiver may return from exclusion: whether it agrees with all members of the result or,
-    /// without a result, with one of the eligible receivers.
+    /// Records whether each receiver may return from exclusion. To return, it has to agree with all members of the
+    /// result or, without a result, with one eligible receiver.
     fn remember(&mut self, tick: u64, follows: bool, result: bool, cycle: &Cycle, members: &[Set]) {
         let may_vote = cycle.may & !(cycle.now & cycle.before);
         let eligible = cycle.sure & !(cycle.now & cycle.before);
@@ -379,7 +382,7 @@ impl Vote {
         }
     }
 
-    /// Returns, in words, which exclusion is wrong for every possible set of members.
+    /// Returns, in words, an exclusion that is wrong for every possible set of members.
     fn exclusion(&self, tick: u64, result: bool, cycle: &Cycle) -> Option<String> {
         let Cycle { sure, may, now, before, .. } = *cycle;
         let others = may & !(now & before);
@@ -407,8 +410,8 @@ impl Vote {
         })
     }
 
-    /// Returns, in words, what is wrong with the result, or with the lack of one. Adds to `members` every set of
-    /// receivers from which the result may have been voted.
+    /// Returns, in words, why the result is wrong, or why there should be one. Adds every set of receivers that may
+    /// have voted it to `members`.
     fn vote(
         &self,
         tick: u64,
@@ -421,7 +424,8 @@ impl Vote {
         let agreeing = usize::from(reported.status.receivers_agreeing());
         let wrong = |what: String| Some((Violation::ReportedWrong, what));
         let (eligible, _) = cycle.eligible();
-        // Any other state depends on HORUS's inputs, and is judged with them.
+        // Only `Starting`, `Monitoring` and `PositionLost` follow from the vote. Rule `inputs` judges every other
+        // state.
         let is_located = reported.status.position_valid();
         let was_located = self.located || self.may_be_located;
         let wrong_state = match reported.status.state() {
@@ -499,7 +503,8 @@ impl Vote {
     }
 }
 
-/// Returns the place and altitude in Reported-Position, if one of these sets of receivers may have voted them.
+/// Returns the voted place and altitude that Reported-Position shows, if one of these sets of receivers may have voted
+/// for them.
 fn shown(reported: &ReportedValues, members: &[Set], cycle: &Cycle) -> (Spot, Option<Level>) {
     let ReportedValues { latitude, longitude, altitude, .. } = *reported;
     let accuracy = |axis: usize, of: Set| {
@@ -536,7 +541,7 @@ impl<'a> Cycle<'a> {
         let valid = |seen: &[Seen]| set(seen, |seen| seen.values.status.position_valid());
         let now = set(seen, |seen| seen.values.status.excluded());
         let (was, is) = (valid(earlier), valid(seen));
-        // The vote used the position of this cycle, or that of the cycle before, aged to the tick.
+        // The vote used a position of this cycle or of the cycle before, each brought forward to the tick.
         let position = |seen: &Seen| [seen.values.latitude, seen.values.longitude, seen.values.altitude];
         let same = |(was, is): (&Seen, &Seen)| position(was).map(f64::to_bits) == position(is).map(f64::to_bits);
         let had = |pair: (&Seen, &Seen)| pair.0.lasts || same(pair);
@@ -564,7 +569,7 @@ impl<'a> Cycle<'a> {
         Self { seen, earlier, places, relations, sure, may, high, may_be_high, now, before, least }
     }
 
-    /// Returns each excluded receiver's distance from the farthest receiver in the vote.
+    /// Returns for each excluded receiver its distance from the farthest receiver in the vote.
     fn away(&self) -> [Option<(f64, Option<f64>)>; MAX_RECEIVERS] {
         let mut away = [None; MAX_RECEIVERS];
         for receiver in each(self.now & self.may) {
@@ -578,7 +583,7 @@ impl<'a> Cycle<'a> {
     }
 }
 
-/// Returns, in words, what is wrong with a Reported-Position without a valid position.
+/// Returns, in words, the error in a Reported-Position that has no valid position.
 fn absent(reported: &ReportedValues, wrong_state: bool) -> Option<String> {
     let ReportedValues { status, latitude, longitude, altitude, pitch, yaw, roll, acceleration: [x, y, z], .. } =
         *reported;
@@ -603,7 +608,7 @@ fn absent(reported: &ReportedValues, wrong_state: bool) -> Option<String> {
     wrong_state.then(|| format!("there is no result, and HORUS's state is {:?}", status.state()))
 }
 
-/// Returns, in words, what is wrong with latitude, longitude or altitude.
+/// Returns, in words, the error in latitude, longitude or altitude.
 fn position(reported: &ReportedValues, members: Set, cycle: &Cycle) -> Option<String> {
     let ReportedValues { latitude, longitude, altitude, .. } = *reported;
     if !(-90.0..=90.0).contains(&latitude) || !(-180.0..=180.0).contains(&longitude) {
@@ -644,7 +649,8 @@ fn position(reported: &ReportedValues, members: Set, cycle: &Cycle) -> Option<St
     outside("altitude", altitude, &high)
 }
 
-/// Returns, in words, what is wrong with attitude or acceleration, voted from values of this cycle or the one before.
+/// Returns, in words, the error in attitude or acceleration, each voted from values of this cycle or of the cycle
+/// before.
 fn motion(reported: &ReportedValues, members: Set, cycle: &Cycle) -> Option<String> {
     if each(members).any(|member| cycle.seen[member].hurried || cycle.earlier[member].hurried) {
         return None;
@@ -684,17 +690,17 @@ fn motion(reported: &ReportedValues, members: Set, cycle: &Cycle) -> Option<Stri
     })
 }
 
-/// Returns certain values of a GPS object, and whether they are valid.
+/// Returns values of a GPS object, and whether they are valid.
 type Part = fn(&GpsValues) -> (bool, [f32; 3]);
 
-/// Returns the largest difference of any two of these values, which are angles if `circle`.
+/// Returns the largest difference between any two of these values, which are angles if `circle` is true.
 fn farthest(of: &[f32], circle: bool) -> f64 {
     let pairs = of.iter().flat_map(|one| of.iter().map(|other| f64::from(*one) - f64::from(*other)));
     pairs.map(|off| if circle { ((off + PI).rem_euclid(2.0 * PI) - PI).abs() } else { off }).fold(0.0, f64::max)
 }
 
-/// Returns whether `shown` is the median of these values. A single value must match bit by bit; the median of angles is
-/// taken relative to the first angle.
+/// Returns whether `shown` is the median of these values. A single value must match bit by bit. The median of angles
+/// (`circle`) is taken relative to the first angle.
 fn is_median(shown: f32, of: &[f32], circle: bool) -> bool {
     match *of {
         [] => false,

@@ -1,10 +1,10 @@
 //! Computes where the receivers are at a tick, how far apart they are, and whether they agree. The results are ranges,
 //! because the log does not state exactly when HORUS took which message.
 //!
-//! A position is older than the message that brought it. Its age follows from the delay between the message's time of
-//! week and its arrival (decision 15, brought to the tick). Candidates are the receivers whose position may be voted
-//! on. The position of the candidate with the middle delay is 50 ms older than its message. For another candidate the
-//! difference between its delay and the middle one is added, if that is at most 50 ms.
+//! A position is older than the message that brought it. The delay is the time from the message's time of week to its
+//! arrival (decision 15, brought to the tick). Among the candidates, which are the receivers whose position may be
+//! voted on, the position with the middle delay is taken to be 50 ms older than its message. For any other candidate,
+//! the difference between its delay and the middle one is added, if it is at most 50 ms.
 
 use gnss_sim::{Geodetic, TangentPlane};
 
@@ -12,7 +12,7 @@ use super::super::track::{Held, WEEK};
 use super::{Set, bit};
 use crate::bounds;
 
-/// The distance, m, beyond which two receivers are not compared in a tangent plane.
+/// The distance, m, beyond which two receivers are compared on the ellipsoid and not in a tangent plane.
 const PLANE: f64 = 10_000.0;
 
 /// A range from a least to a greatest value.
@@ -63,7 +63,7 @@ pub(super) enum Relation {
     Doubtful,
 }
 
-/// The place of a receiver at a tick: all possibilities that the voter may use.
+/// A receiver's place at a tick, with every position that the voter may use.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Place(Vec<Version>);
 
@@ -72,24 +72,24 @@ struct Version {
     /// The point on the ellipsoid below the object's position, with its tangent plane.
     ground: Geodetic,
     plane: TangentPlane,
-    /// The object's altitude, m; `None` for a 2D fix.
+    /// The altitude in the object, m; `None` for a 2D fix.
     altitude: Option<f64>,
-    /// The messages from which the position may come; empty if not known.
+    /// The messages that may have brought the position; empty if not known.
     messages: Vec<Held>,
-    /// The receiver's movement and accuracy; `None` until the age of the position is known.
+    /// The receiver's movement and accuracy; `None` while the age of its position is not known.
     held: Option<Brought>,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Brought {
-    /// The distance, m, that the receiver has moved north, east and up since the position's epoch.
+    /// The distance, m, that the receiver has moved north, east and up since its position was measured.
     moved: [Range; 3],
-    /// The accuracies, horizontal and vertical, m, with the addition for the position's age.
+    /// The horizontal and vertical accuracy, m, with the addition for the position's age.
     accuracy: [Range; 2],
 }
 
 impl Place {
-    /// Adds a position of a GPS object, and the messages from which it may come.
+    /// Adds a possible position from a GPS object, and the messages that may have brought it.
     pub(super) fn add(
         &mut self,
         latitude: f64,
@@ -103,19 +103,20 @@ impl Place {
         self.0.push(Version { ground, plane: TangentPlane::new(ground), altitude, messages, held: None });
     }
 
-    /// Returns the delay, s, from the message's time of week to its arrival; `reference` as in [`since_epoch`].
+    /// Returns the delay, s, from the message's time of week to its arrival. `reference` means the same as in
+    /// [`since_epoch`].
     fn lag(&self, reference: i64) -> Option<Range> {
         let lags =
             self.0.iter().map(|version| version.messages.iter().map(|held| lag(held, reference)).reduce(Range::hull));
         lags.collect::<Option<Vec<_>>>()?.into_iter().reduce(Range::hull)
     }
 
-    /// Returns whether the receiver's movement since the position's epoch is known.
+    /// Returns whether the receiver's movement since its position was measured is known.
     pub(super) fn is_known(&self) -> bool {
         !self.0.is_empty() && self.0.iter().all(|version| version.held.is_some())
     }
 
-    /// Returns the receiver's place at the tick, m north and east in the tangent plane of `origin`.
+    /// Returns the receiver's place at the tick, m north and east, in the plane that touches the ellipsoid at `origin`.
     pub(super) fn north_east(&self, origin: &Self) -> Option<[Range; 2]> {
         let origin = origin.0.first()?;
         let all: Option<Vec<_>> = self.0.iter().map(|version| version.north_east(origin)).collect();
@@ -128,14 +129,15 @@ impl Place {
         Some([north, east])
     }
 
-    /// Returns the altitude at the tick, m, `None` for a 2D fix, and whether the kind of the fix is uncertain.
+    /// Returns the altitude at the tick, m, `None` for a 2D fix. Also returns whether it is uncertain that the fix is
+    /// 2D.
     pub(super) fn altitude(&self) -> (Option<Range>, bool) {
         let all: Vec<_> = self.0.iter().map(Version::altitude).collect();
         let some = all.iter().filter(|altitude| altitude.is_some()).count();
         (all.iter().flatten().copied().reduce(Range::hull), some != 0 && some != all.len())
     }
 
-    /// Returns whether the place certainly has, and whether it may have, an altitude.
+    /// Returns whether the place certainly has an altitude, and whether it may have one.
     pub(super) fn has_altitude(&self) -> [bool; 2] {
         let mut has = self.0.iter().map(|version| version.altitude.is_some());
         let any = has.clone().any(|has| has);
@@ -154,7 +156,7 @@ impl Place {
         Some(Geodetic { height: 0.0, ..there })
     }
 
-    /// Returns the distance from the receiver `other`, m: along the ground and, if both have an altitude, in height.
+    /// Returns the horizontal distance from the receiver `other`, m, and the vertical one if both have an altitude.
     pub(super) fn apart(&self, other: &Self) -> Option<(Range, Option<Range>)> {
         self.0.last()?.apart(other.0.last()?)
     }
@@ -181,7 +183,7 @@ impl Version {
         let (one, its) = (self.ground.to_ecef(), other.ground.to_ecef());
         let chord = one.iter().zip(its).map(|(one, its)| (one - its).powi(2)).sum::<f64>().sqrt();
         if chord > PLANE {
-            // An arc of the ellipsoid is longer than its chord, by a factor of at most half of pi.
+            // The distance along the ellipsoid is longer than the straight line, by a factor of at most half of pi.
             return Some((Range::of(chord, 1.6 * chord), height()));
         }
         let [north, east] = other.north_east(self)?;
@@ -211,7 +213,8 @@ impl Version {
     }
 }
 
-/// Brings the positions of all receivers to the tick. The receivers in `sure` are candidates, those in `may` may be.
+/// Brings the positions of all receivers forward to the tick. The receivers in `sure` are candidates, and those in
+/// `may` may be.
 pub(super) fn bring(places: &mut [Place], sure: Set, may: Set) {
     let some = places.iter().flat_map(|place| &place.0).flat_map(|version| &version.messages).next();
     let Some(reference) = some.map(|held| held.since_epoch) else { return };
@@ -220,7 +223,7 @@ pub(super) fn bring(places: &mut [Place], sure: Set, may: Set) {
         let lags = lags.iter().enumerate().filter(|(receiver, _)| set & bit(*receiver) != 0).map(|(_, lag)| *lag);
         median(&lags.collect::<Option<Vec<_>>>()?)
     };
-    // The middle delay is taken over every possible set of candidates.
+    // The judge does not know the set of candidates, so it tries every possible set for the middle delay.
     let sets = (0..1 << places.len()).filter(|set: &Set| set & !may == 0 && set & sure == sure && *set != 0);
     let middle = sets.map(of).collect::<Option<Vec<_>>>();
     let middle = middle.and_then(|middle| middle.into_iter().reduce(Range::hull));
@@ -240,7 +243,8 @@ fn since_epoch(held: &Held, reference: i64) -> f64 {
     seconds((held.since_epoch - reference + WEEK / 2).rem_euclid(WEEK) - WEEK / 2)
 }
 
-/// Returns the delay, s, from a message's time of week to its arrival; `reference` as in [`since_epoch`].
+/// Returns the delay, s, from a message's time of week to its arrival. `reference` means the same as in
+/// [`since_epoch`].
 fn lag(held: &Held, reference: i64) -> Range {
     let ages = Range::of(seconds(held.age.least as i64), seconds(held.age.most as i64));
     Range { least: since_epoch(held, reference) - ages.most, most: since_epoch(held, reference) - ages.least }
@@ -257,7 +261,8 @@ fn age(held: &Held, reference: i64, middle: Option<Range>) -> Range {
     if off.least > spread || off.most < -spread {
         return as_usual;
     }
-    // The instant of arrival cancels out: a later arrival means a longer delay and a shorter time to the tick.
+    // The uncertain instant of arrival does not matter here: a later arrival means a longer delay and a shorter time to
+    // the tick.
     let epoch = since_epoch(held, reference);
     let by_epoch = Range { least: epoch - middle.most, most: epoch - middle.least }.moved(usual);
     let by_epoch = Range { least: by_epoch.least.max(widest.least), most: by_epoch.most.min(widest.most) };
@@ -296,7 +301,7 @@ pub(super) fn median(ranges: &[Range]) -> Option<Range> {
     Some(Range { least: of(|range| range.least)?, most: of(|range| range.most)? })
 }
 
-/// Returns the median, for an even number of values the mean of the middle two; `None` without values.
+/// Returns the median of the values, or the mean of the middle two; `None` without values.
 pub(super) fn median_of(mut values: Vec<f64>) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     let middle = values.len() / 2;

@@ -63,7 +63,7 @@ fn horus_may_drop_the_field_to_recover_from_lost_frames() {
             events.field(at, false).field(tick(8), true);
         })
     };
-    // The second of two frames has no end. HORUS begins the bring-up 0.5 ms after that end was due.
+    // The second of two commanded frames never ends. HORUS brings its front end up 0.5 ms after the end that was due.
     let command = (Violation::CommandWithoutFrame, 2, tick(5) + COMMAND[0]);
     assert_eq!(lost(5_700_000, is_sent), [command]);
     assert_eq!(lost(200_000, |event| !is_tick(event)), [(Violation::NoFrame, 1, tick(6))]);
@@ -90,7 +90,7 @@ fn the_field_may_be_off_until_it_first_comes_on() {
 
 #[test]
 fn the_bounds_around_a_drop_are_as_stated() {
-    // At this tick the field has been back for exactly as long as HORUS needs.
+    // The field has been on again at the tick for just as long as HORUS needs before it sends.
     let ready = |early: u64| {
         changed(3, |events| {
             events.without(|event| (of(5)(event) || of(6)(event)) && !is_tick(event));
@@ -100,7 +100,7 @@ fn the_bounds_around_a_drop_are_as_stated() {
     let dropped = (Violation::FieldDropped, 1, tick(5));
     assert_eq!(ready(1), [dropped]);
     assert_eq!(ready(0), [(Violation::NoFrame, 1, tick(7)), dropped]);
-    // The field goes off when the command's frame may just have ended.
+    // The field goes off at, or just before, the earliest instant at which the commanded frame may have ended.
     let command = tick(5) + COMMAND[0];
     let after = |passed: u64| {
         changed(3, |events| {
@@ -112,7 +112,7 @@ fn the_bounds_around_a_drop_are_as_stated() {
     let off = command + bounds::COMMAND_TO_AIR + bounds::FRAME_LONGEST;
     assert_eq!(after(0), [(Violation::FieldDropped, 1, off)]);
     assert_eq!(after(1), [(Violation::CommandWithoutFrame, 1, command)]);
-    // The last lost frame is too long ago to be HORUS's reason for switching the field off.
+    // A frame was lost so long ago that HORUS may no longer switch the field off because of it.
     let recovered = |passed: u64| {
         changed(3, |events| {
             let off = tick(5) + bounds::FIELD_RECOVERY + passed;

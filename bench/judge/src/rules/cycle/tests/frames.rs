@@ -1,4 +1,5 @@
 use super::*;
+use crate::testing::{HORUS_FRONT_END, injected};
 
 #[test]
 fn a_tick_without_frames_is_told_when_the_next_one_comes() {
@@ -16,7 +17,7 @@ fn a_tick_without_frames_is_told_when_the_next_one_comes() {
 #[test]
 fn only_the_last_tick_of_a_run_may_lack_its_frames() {
     let silent = |number| changed(3, |events| _ = events.without(|event| of(number)(event) && !is_tick(event)));
-    // The frames of the last cycle may be missing if the run ends early.
+    // If the run ends early, frames of the last cycle may be missing.
     assert_eq!(silent(1), [(Violation::NoFrame, 1, tick(2))]);
     assert_eq!(changed(3, |events| _ = events.end(tick(CYCLES) + MS)), []);
 }
@@ -123,6 +124,15 @@ fn what_is_not_whole_objects_is_told_alone() {
     assert_eq!(shorter, [(Violation::SentNotWhole, 1, end(3, 5))]);
     let empty = changed(1, |events| payload(events, 5, Vec::clear));
     assert_eq!(empty, [(Violation::SentNotWhole, 1, end(1, 5))]);
+}
+
+#[test]
+fn a_disturbed_front_end_may_send_a_frame_of_another_length() {
+    let shorter = changed(3, |events| {
+        payload(events, 5, |payload| _ = payload.pop());
+        events.add(tick(5), injected(HORUS_FRONT_END, tick(5)));
+    });
+    assert_eq!(shorter, []);
 }
 
 #[test]

@@ -1,10 +1,10 @@
 use super::*;
 
-/// How long after the beginning of a hang the watchdog bites, ns.
+/// The time, ns, from the beginning of a hang until the watchdog bites.
 const BITES: u64 = 83 * MS;
 
-/// Returns a run in which HORUS's core stops at `at` until the watchdog restarts HORUS. The timer goes on ticking, and
-/// the frame on the air breaks off. With `told`, the log has the hang at that instant.
+/// Returns a run in which HORUS's core stops at `at` until the watchdog restarts HORUS. Meanwhile TICK goes on, since
+/// the timer makes it, and the frame on the air breaks off. If `told`, the log has an event that states the hang.
 fn hung(gps: usize, at: u64, told: Option<u64>) -> Events {
     let mut events = Events::flawless(gps, CYCLES);
     for event in &mut events.events {
@@ -39,7 +39,7 @@ fn a_hang_of_horus_excuses_its_unfinished_cycle() {
         {
             let at = tick(5) + after;
             assert_eq!(broken(&hung(gps, at, Some(at))), [], "{gps} {after}");
-            // The restart is asked for, and the log has no hang.
+            // The log calls the restart intended (`asked`), but has no event that states the hang.
             let mut asked = hung(gps, at, None);
             for event in &mut asked.events {
                 if let What::Reset { asked, .. } = &mut event.what {
@@ -57,7 +57,7 @@ fn a_hang_of_horus_excuses_missing_ticks_but_no_irregular_ones() {
     let mut stopped = hung(3, at, Some(at));
     stopped.without(|event| is_tick(event) && event.at > at && event.at < at + BITES);
     assert_eq!(broken(&stopped), []);
-    // The reset pin, or the end of the run, may also end the hang.
+    // A hang of HORUS may also end by the reset pin, or by the end of the run.
     let mut by_pin = stopped.clone();
     by_pin.without(|event| matches!(event.what, What::Reset { .. })).reset(at + BITES, Board::Horus, true);
     assert_eq!(broken(&by_pin), []);
@@ -75,12 +75,12 @@ fn frames_missing_before_a_hang_are_reported_despite_the_watchdogs_reset() {
     let mut events = hung(3, at, Some(at));
     events.without(|event| of(5)(event) && !is_tick(event));
     assert_eq!(broken(&events), [(Violation::NoFrame, 1, tick(6))]);
-    // No frame came between the missing frame and the hang, so the missing one has not been reported yet.
+    // No frame came between the missing frame and the hang, so the missing frame must be reported at the hang.
     let at = tick(7) + 50_000;
     let mut events = hung(3, at, Some(at));
     events.without(|event| of(6)(event) && !is_tick(event));
     assert_eq!(broken(&events), [(Violation::NoFrame, 1, tick(7))]);
-    // The watchdog's reset was not asked for and is reported alone.
+    // The watchdog's reset, which was not asked for, explains the missing frames and is reported alone.
     let mut events = hung(3, at, None);
     events.without(|event| (of(5)(event) || of(6)(event)) && !is_tick(event));
     events.without(|event| of(7)(event) && !is_tick(event));
@@ -131,7 +131,7 @@ fn a_horus_that_has_restarted_after_a_hang_is_blamed_again() {
     let first = at + BITES + 20 * MS;
     events.without(|event| (first + CYCLE..first + 2 * CYCLE).contains(&event.at) && !is_tick(event));
     assert_eq!(broken(&events), [(Violation::NoFrame, 1, first + 2 * CYCLE)]);
-    // A hang of the DPR does not excuse HORUS.
+    // A hang of the DPR excuses nothing of HORUS.
     let mut events = Events::flawless(3, CYCLES);
     events.add(at, What::Hung { board: Board::Dpr }).without(|event| of(7)(event) && !is_tick(event));
     assert_eq!(broken(&events), [(Violation::NoFrame, 1, tick(8))]);

@@ -140,7 +140,7 @@ fn of_equal_outliers_the_first_is_told() {
         });
         assert_eq!(twice, [(Violation::CommandJitter, 1, (tick(5) + COMMAND[0]).checked_add_signed(by).unwrap())]);
     }
-    // If both extremes are equally far from the mean, the greatest value is reported.
+    // The least and the greatest time are equally far from the mean, so the judge reports the greatest.
     let first = CYCLES / 2 + 1;
     let half = changed(3, |events| {
         (first..=CYCLES).for_each(|number| shift(events, 200, |event| of(number)(event) && !is_tick(event)));

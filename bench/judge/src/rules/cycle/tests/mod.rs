@@ -27,7 +27,7 @@ fn changed(gps: usize, change: impl FnOnce(&mut Events)) -> Vec<(Violation, u64,
     broken(&events)
 }
 
-/// Returns whether an event comes at the tick of cycle `number` or before the next tick.
+/// Returns whether an event comes in cycle `number`: at its tick or later, and before the next tick.
 fn of(number: u64) -> impl Fn(&Event) -> bool {
     move |event| event.at >= tick(number) && event.at < tick(number + 1)
 }
@@ -71,7 +71,7 @@ fn end(gps: usize, number: u64) -> u64 {
     events.events.iter().filter(|event| is_sent(event)).map(|event| event.at).max().unwrap()
 }
 
-/// Returns a payload for three receivers, with these timestamps of Reported-Position and each GPS object.
+/// Returns a payload for three receivers, with these timestamps of Reported-Position and of each GPS object.
 fn stamped(stamps: [u32; 4]) -> Vec<u8> {
     let [reported, gps @ ..] = stamps;
     let gps = gps.map(crate::testing::silent_gps);

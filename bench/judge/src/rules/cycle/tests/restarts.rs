@@ -1,10 +1,10 @@
 use super::*;
 
-/// Returns the violations that are found if `restart` adds a restart at `at`, after which HORUS runs for nine cycles.
+/// Returns the violations if `restart` restarts HORUS at `at`, after which HORUS runs for nine cycles.
 fn restarted(gps: usize, at: u64, restart: impl Fn(&mut Events)) -> Vec<(Violation, u64, u64)> {
     let mut events = Events::flawless(gps, CYCLES);
     events.without(|event| event.at > at && !is_sent(event));
-    // The front end sends the rest of a frame that is on the air.
+    // The front end finishes a frame that is on the air although HORUS restarts.
     events.without(|event| matches!(event.what, What::Sent { started, .. } if started > at));
     restart(&mut events);
     events.field(at + 4 * MS + 7, false).field(at + 6 * MS, true).cycles(at + 20 * MS, 9);

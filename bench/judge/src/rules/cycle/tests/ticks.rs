@@ -97,7 +97,8 @@ fn ticks_that_are_not_ten_milliseconds_apart_are_told_each() {
         })
     };
     assert_eq!(early(bounds::TICK_TOLERANCE + 1), [(Violation::TickIrregular, 1, tick(10) - 210_001)]);
-    // Each tick is within the tolerance, but their times vary too much. The tick farthest from the mean is reported.
+    // Each tick is within the tolerance, but the times between ticks vary too much. The tick farthest from the mean is
+    // reported.
     assert_eq!(early(bounds::TICK_TOLERANCE), [(Violation::TickIrregular, 1, tick(10) - 210_000)]);
     assert_eq!(early(bounds::TICK_WIDTH + 1), [(Violation::TickIrregular, 1, tick(10) - 1_001)]);
     assert_eq!(early(bounds::TICK_WIDTH), []);

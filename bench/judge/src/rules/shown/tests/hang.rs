@@ -4,7 +4,7 @@ use super::super::synthetic::{Air, Image, MS, Run, US};
 use super::{RECEIVERS, hide};
 use crate::{Board, Event, Violation, What, bounds};
 
-/// Returns a run in which the DPR publishes nothing new from `at` on, and its watchdog bites 80 ms later.
+/// Returns a run in which the DPR hangs from `at` on, and its watchdog bites 80 ms later.
 fn stopped(n: usize, at: u64) -> Run {
     Run {
         cycles: 80,
@@ -13,7 +13,7 @@ fn stopped(n: usize, at: u64) -> Run {
     }
 }
 
-/// Returns an edit after which the DPR publishes nothing new from `at` on, so its images expire.
+/// Returns an edit that removes the images of 80 ms from `at` on, so that the last image expires.
 fn silent(at: u64) -> impl Fn(&mut Vec<Image>) {
     move |images| images.retain(|image| image.at <= at || image.at >= at + 80 * MS)
 }
@@ -109,7 +109,7 @@ fn what_reaches_the_antenna_of_a_dpr_that_hangs_is_never_shown() {
 
 #[test]
 fn objects_may_outlast_a_repeated_frame_if_the_dpr_hangs_first() {
-    // The run has one receiver, and a frame arrives twice.
+    // The only receiver's frame arrives twice.
     let run = Run::new(1);
     let (cycle, after) = (20, 5_300 * US);
     let repeated = run.end(cycle) + after;

@@ -6,14 +6,14 @@ use crate::disturbance::Memory;
 use crate::testing::{DPR_FRONT_END, HORUS_FRONT_END, injected};
 use crate::{Board, Disturbance, Event, Violation, What, judge};
 
-/// The numbers of receivers that the rule `shown` treats differently.
+/// The numbers of receivers with which the rule `shown` is tested.
 const RECEIVERS: [usize; 3] = [1, 3, 5];
 
 #[test]
 fn a_flawless_run_breaks_nothing() {
     for n in RECEIVERS {
         let verdict = Run::new(n).assert_flawless();
-        // The cycles before the sequence was found are not shown.
+        // The run has 40 cycles, of which the first three find the sequence and are not shown.
         assert_eq!(verdict.figures.valid_cycles, 37, "{n} receivers");
         assert_eq!(verdict.figures.faults.invalid_shown_valid, 0);
     }
@@ -46,7 +46,7 @@ fn a_correct_dpr_breaks_no_rule_whatever_happens_on_the_air() {
                 Run::new(n).hit(20, frame, hit.clone()).assert_flawless();
                 Run::new(n).hit(20, frame, hit.clone()).hit(22, frame, hit.clone()).assert_flawless();
                 Run::new(n).hit_all(20..23, &hit).assert_flawless();
-                // The air has the same effects while the sequence is searched for.
+                // The same faults of the air are applied while the DPR searches for the sequence.
                 Run::new(n).hit_all(9..=35, &Air::Lost).hit(37, frame, hit.clone()).assert_flawless();
             }
         }
@@ -96,7 +96,7 @@ fn a_frozen_horus_breaks_nothing() {
     }
 }
 
-/// Returns an edit that removes the objects from each image with this timestamp.
+/// Returns an edit that removes the objects with this timestamp from each image.
 fn hide(timestamp: u32) -> impl Fn(&mut Vec<Image>) {
     move |images| {
         for image in images.iter_mut().filter(|image| image.timestamp() == Some(timestamp)) {
@@ -105,7 +105,7 @@ fn hide(timestamp: u32) -> impl Fn(&mut Vec<Image>) {
     }
 }
 
-/// Returns an edit after which the first image from `at` on shows these objects of a cycle.
+/// Returns an edit by which the first image from `at` on shows these objects of a cycle.
 fn show(run: &Run, at: u64, cycle: u32, objects: impl IntoIterator<Item = usize> + Clone) -> impl Fn(&mut Vec<Image>) {
     let (profile, layout) = (run.profile(cycle), run.layout());
     move |images| {
@@ -140,7 +140,7 @@ fn a_window_without_the_objects_is_not_asked_for_them() {
 
 #[test]
 fn a_cycle_must_be_shown_until_the_next_frame_or_deadline() {
-    // The only transaction begins `after` ns after the last bit.
+    // The only transaction of the run begins `after` ns after the last bit of cycle 20.
     for (after, expected) in [(99_999, false), (100_000, true), (9_999_999, true), (10_000_000, false)] {
         let mut run = Run { cycles: 25, ..Run::new(3) };
         run.only = Some(run.end(20) + after);
@@ -154,7 +154,7 @@ fn a_cycle_must_be_shown_until_the_next_frame_or_deadline() {
         let expected: &[Violation] = if expected { &[Violation::NotShown] } else { &[] };
         assert_eq!(run.broken(hide(200)), expected, "{after} ns");
     }
-    // A cycle without its second frame still has to be shown, but only after the wait for that frame.
+    // A cycle whose second frame is lost still has to be shown, after the wait for that frame.
     let ready = 3_802_000 + 3_000 + 7_000_000 + 100_000;
     for (after, expected) in [(ready - 1, false), (ready, true)] {
         let mut run = Run { cycles: 25, ..Run::new(5) }.hit(20, 1, Air::Lost);
@@ -183,7 +183,7 @@ fn an_object_that_is_missing_where_its_cycle_is_shown_is_vacant() {
                     image.places[index].fill(with);
                 };
                 assert_eq!(run.broken(vacate), [Violation::Vacant], "{n} receivers, object {index}");
-                // An object that was damaged on the air may be missing.
+                // An object that the air has damaged may be missing.
                 let hit = run.clone().hit(20, usize::from(n == 5 && index > 2), Air::Hit(vec![index]));
                 let verdict = hit.assert_flawless();
                 assert_eq!(verdict.figures.valid_cycles, if index == 0 { 36 } else { 37 });
@@ -220,7 +220,7 @@ fn an_object_that_horus_never_sent_is_shown_as_valid() {
             assert_ne!(forged, run.profile(20)[run.layout().in_profile(index).unwrap()]);
             let verdict = run.verdict(forge);
             assert_eq!(kinds(&verdict), [Violation::ShownNeverSent], "{n} receivers, object {index}");
-            // Each transaction within the cycle counts, one every 2 ms.
+            // Transactions come every 2 ms, so five of them read the object in the cycle, and each counts.
             assert_eq!(verdict.figures.faults.invalid_shown_valid, 5);
         }
     }
@@ -231,7 +231,7 @@ fn a_cycle_outside_the_sequence_may_not_be_shown() {
     for n in RECEIVERS {
         let lost = Run::new(n).hit_all([20], &Air::Lost);
         assert_eq!(lost.broken(show(&lost, lost.tick(21) - US, 20, 0..=n)), [Violation::ShownOutOfSequence]);
-        // A step of 31 cycles loses the sequence. Cycles 40 to 42 find it again, and cycle 43 is shown.
+        // A step of 31 cycles loses the sequence. Cycles 40 to 42 find it again, so cycle 43 is shown.
         let mut search = Run::new(n).hit_all(10..40, &Air::Lost);
         search.cycles = 60;
         search.assert_flawless();
@@ -266,7 +266,7 @@ fn a_repeated_frame_that_is_shown_again_is_out_of_sequence() {
             run.assert_flawless();
             let objects = if n < 5 { 0..=n } else { 3 * frame..=3 * frame + 2 };
             let profile = run.profile(20);
-            // The change applies to the images after the repeated or missing frame.
+            // Images after the repeated or missing frame still show cycle 20.
             let again = |images: &mut Vec<Image>| {
                 for image in images.iter_mut().filter(|it| (run.end(20) + 8 * MS..run.end(24)).contains(&it.at)) {
                     for index in objects.clone() {
@@ -297,7 +297,7 @@ fn data_are_stale_past_the_deadline_and_expired_past_25_ms() {
         assert!(verdict.figures.faults.invalid_shown_valid >= 3);
         let run = Run::new(n).hit_all(20..24, &Air::Lost);
         assert_eq!(run.broken(stay(run.end(19), run.end(24))), [Violation::ShownExpired], "{n} receivers");
-        // The silence lasts longer than the judge keeps frames.
+        // The air loses all frames for longer than the judge keeps frames.
         let mut run = Run::new(n).hit_all(20..300, &Air::Lost);
         run.cycles = 310;
         assert_eq!(run.broken(stay(run.end(19), run.end(300))), [Violation::ShownExpired], "{n} receivers");
@@ -372,7 +372,7 @@ fn a_listener_that_has_just_seen_the_carrier_may_miss_frames() {
     run.extra.push(Event { at: on, what: What::FieldHeard { on: true } });
     run.assert_flawless();
     let missed = run.clone().hit_all(20..25, &Air::Lost);
-    // The DPR has not received the frames, which are now added at the antenna.
+    // The log says that the frames of cycles 20 to 24 reached the antenna, but the DPR has received none of them.
     let mut log = missed.log(|_| {});
     let there = run.log(|_| {}).events.into_iter().filter(|event| matches!(event.what, What::Heard { .. }));
     log.events.retain(|event| !matches!(event.what, What::Heard { .. }));
@@ -389,22 +389,22 @@ fn recovery_counts_from_the_end_of_the_last_cause() {
         run.verdict(|_| {}).figures.faults.max_recovery_cycles
     };
     assert_eq!(with(vec![], 0..0), None);
-    // The frame of cycle 20 begins at 220.34 ms and is readable at 225.228 ms. The next transaction is at 226 ms.
+    // Cycle 20's frame begins at 220.34 ms and is readable at 225.228 ms. The next transaction begins at 226 ms.
     assert_eq!(with(vec![fault(200 * MS, 220 * MS)], 0..0), Some(1));
     assert_eq!(with(vec![fault(200 * MS, 216 * MS)], 0..0), Some(1));
     assert_eq!(with(vec![fault(200 * MS, 215_999 * US)], 0..0), Some(2));
     assert_eq!(with(vec![fault(200 * MS, 220_400 * US)], 0..0), Some(2));
     assert_eq!(with(vec![fault(200 * MS, 220 * MS)], 20..25), Some(6));
-    // The faults of the first run overlap, and those of the second follow each other.
+    // In the first run two faults overlap; in the second, one fault follows the other.
     assert_eq!(with(vec![fault(200 * MS, 270 * MS), fault(220 * MS, 230 * MS)], 20..25), Some(1));
     assert_eq!(with(vec![fault(220 * MS, 220 * MS), fault(260 * MS, 260 * MS)], 20..25), Some(2));
-    // A fault that ends in the last 400 ms of the run, or never, is not measured.
+    // A fault that ends in the last 400 ms of the run, or that never ends, is not measured.
     let end = Run { cycles: 120, ..Run::new(3) }.tick(121) + 300 * MS;
     assert_eq!(with(vec![fault(end - 400 * MS, end - 400 * MS)], 0..0), Some(1));
     assert_eq!(with(vec![fault(end - 400 * MS + 1, end - 400 * MS + 1)], 0..0), None);
     assert_eq!(with(vec![fault(200 * MS, u64::MAX)], 0..0), None);
     assert_eq!(with(vec![fault(200 * MS, u64::MAX), fault(210 * MS, 220 * MS)], 0..0), Some(1));
-    // If the link does not recover, the time until the end of the run counts.
+    // If the link does not recover, the time until the end of the run counts as the recovery.
     assert_eq!(with(vec![fault(250 * MS, 250 * MS)], 20..121), Some((end - 250 * MS).div_ceil(10 * MS)));
 }
 
@@ -417,7 +417,7 @@ fn every_start_but_a_boards_first_counts_as_a_cause() {
     };
     assert_eq!(with(vec![power(0, Board::Dpr, true)]), None);
     let off = power(200 * MS, Board::Horus, false);
-    // The frame of cycle 22 is the first after the supply came back.
+    // After the supply has come back, HORUS's first frame is that of cycle 22.
     assert_eq!(with(vec![off.clone(), power(235 * MS, Board::Horus, true)]), Some(2));
     assert_eq!(with(vec![off]), None, "it never comes back");
     let reset = What::Reset { board: Board::Horus, cause: crate::Cause::Pin, asked: true };
@@ -428,7 +428,7 @@ fn every_start_but_a_boards_first_counts_as_a_cause() {
 fn the_end_of_the_last_valid_position_is_reported() {
     let mut run = Run::new(3);
     let end = run.end(40);
-    // The position can be read until the image of the deadline is published, 12.55 ms after the last bit.
+    // The position can be read until the deadline's image is published, 12.55 ms after the last bit.
     let invalid = run.assert_flawless().figures.invalid_since_ns.unwrap();
     assert!((end + 12_550 * US..end + 14_550 * US).contains(&invalid), "{invalid}");
     run.only = Some(end + MS);
@@ -439,7 +439,7 @@ fn the_end_of_the_last_valid_position_is_reported() {
 
 #[test]
 fn whatever_happens_to_any_frames_a_dpr_that_does_right_breaks_nothing() {
-    // With the first seeds an earlier version of the judge reported false violations.
+    // With the first seeds an earlier version of the judge reported violations that did not exist.
     for seed in [27, 480, 552, 2148, 2192, 2207, 2261].into_iter().chain(0..24_u64) {
         // The generator is linear congruential (Knuth, MMIX).
         let mut state = seed;

@@ -1,0 +1,205 @@
+//! What became of a fault.
+
+use bench_judge::{Event, Violation, What};
+use emulator_node::Digest;
+use serde::{Deserialize, Serialize};
+
+use crate::danger::is_dangerous;
+
+/// What one transaction of the flight controller brought.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Reading {
+    /// The instant at which the transaction ended, virtual ns.
+    pub at: u64,
+    /// A digest of the bytes that were read and of the instant at which the transaction began.
+    pub bytes: u64,
+    /// The timestamp, ms, of the position that the client flies by; `None` if the client says that there is none.
+    pub position: Option<u32>,
+}
+
+impl Reading {
+    /// The readings in a part of an event log.
+    pub fn of(events: &[Event]) -> impl Iterator<Item = Self> + '_ {
+        let mut bytes = 0;
+        events.iter().filter_map(move |event| match &event.what {
+            What::Transaction { selected, miso, .. } => {
+                let mut digest = Digest::new();
+                digest.word(*selected);
+                digest.bytes(miso);
+                bytes = digest.finish();
+                None
+            }
+            What::Decided { position, .. } => Some(Self { at: event.at, bytes, position: *position }),
+            _ => None,
+        })
+    }
+}
+
+/// The longest time, ns, for which the client may fly by one position: the age limit of 100 ms
+/// (docs/design.md#readers), and the longest time to the next reading.
+pub(super) const LONGEST_POSITION: u64 = 100_000_000 + 2 * 4_100_000;
+
+/// The time, ns, before the end in which a link that has recovered brings a new position.
+pub(super) const LATELY: u64 = 50_000_000;
+
+/// The class of a fault's effect.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Class {
+    /// The flight controller read the same bytes at the same instants as without the fault.
+    Masked,
+    /// The flight controller read something else, but nothing invalid as valid, and has new positions at the end.
+    Recovered,
+    /// As recovered, but at the end the flight controller has no position and its client says so.
+    Stopped,
+    /// Invalid data were shown as valid, or the position stayed the same and nothing said so.
+    Dangerous,
+}
+
+impl Class {
+    /// All classes, from harmless to dangerous.
+    pub const ALL: [Self; 4] = [Self::Masked, Self::Recovered, Self::Stopped, Self::Dangerous];
+
+    /// The class's name.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Masked => "masked",
+            Self::Recovered => "recovered",
+            Self::Stopped => "stopped",
+            Self::Dangerous => "dangerous",
+        }
+    }
+
+    /// Returns the class of a run with these readings and violations; `reference` has the readings of the same time
+    /// without the fault.
+    #[must_use]
+    pub fn of(reference: &[Reading], readings: &[Reading], violations: &[Violation]) -> Self {
+        if violations.iter().any(|violation| is_dangerous(*violation)) || stands_still(readings) {
+            Self::Dangerous
+        } else if readings == reference {
+            Self::Masked
+        } else if flies(readings) {
+            Self::Recovered
+        } else {
+            Self::Stopped
+        }
+    }
+}
+
+/// Whether the client flew by one position for longer than it may: a silent stop.
+fn stands_still(readings: &[Reading]) -> bool {
+    readings.chunk_by(|one, other| one.position == other.position).any(|same| {
+        let (Some(first), Some(last)) = (same.first(), same.last()) else { return false };
+        first.position.is_some() && last.at - first.at > LONGEST_POSITION
+    })
+}
+
+/// Whether the flight controller had a new position shortly before the last reading.
+pub(super) fn flies(readings: &[Reading]) -> bool {
+    let Some(last) = readings.last() else { return false };
+    let lately = readings.iter().rev().take_while(|reading| reading.at + LATELY > last.at);
+    last.position.is_some() && lately.into_iter().any(|reading| reading.position != last.position)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: u64 = 1_000_000;
+
+    /// A reading every 4 ms; the client flies by the positions that `position` returns for each instant, in ms.
+    fn readings(position: impl Fn(u64) -> Option<u32>) -> Vec<Reading> {
+        (1..=100).map(|nth| Reading { at: nth * 4 * MS, bytes: nth, position: position(nth * 4) }).collect()
+    }
+
+    fn sound() -> Vec<Reading> {
+        readings(|ms| Some((ms / 10) as u32))
+    }
+
+    #[test]
+    fn the_same_bytes_at_the_same_instants_are_masked() {
+        assert_eq!(Class::of(&sound(), &sound(), &[]), Class::Masked);
+        // What a board only counts does not reach a reader.
+        assert_eq!(Class::of(&sound(), &sound(), &[Violation::HorusComplains]), Class::Masked);
+    }
+
+    #[test]
+    fn one_other_byte_is_not_masked() {
+        let mut other = sound();
+        other[40].bytes ^= 1;
+        assert_eq!(Class::of(&sound(), &other, &[]), Class::Recovered);
+        let mut later = sound();
+        later[40].at += 1;
+        assert_eq!(Class::of(&sound(), &later, &[]), Class::Recovered);
+        assert_eq!(Class::of(&sound(), &sound()[..99], &[]), Class::Recovered);
+    }
+
+    #[test]
+    fn a_gap_with_new_positions_at_the_end_is_recovered() {
+        let gap = readings(|ms| (!(100..300).contains(&ms)).then_some((ms / 10) as u32));
+        assert_eq!(Class::of(&sound(), &gap, &[Violation::NoFrame]), Class::Recovered);
+    }
+
+    #[test]
+    fn no_position_at_the_end_is_stopped() {
+        let ends = readings(|ms| (ms < 100).then_some((ms / 10) as u32));
+        assert_eq!(Class::of(&sound(), &ends, &[]), Class::Stopped);
+        assert_eq!(Class::of(&sound(), &[], &[]), Class::Stopped);
+    }
+
+    #[test]
+    fn an_old_position_at_the_end_is_stopped_while_it_may_last() {
+        let stands = |from: u64| readings(move |ms| Some((ms.min(from) / 10) as u32));
+        assert_eq!(Class::of(&sound(), &stands(360), &[]), Class::Recovered);
+        assert_eq!(Class::of(&sound(), &stands(340), &[]), Class::Stopped);
+        assert_eq!(Class::of(&sound(), &stands(300), &[]), Class::Stopped);
+    }
+
+    #[test]
+    fn a_position_that_lasts_beyond_its_age_limit_is_dangerous() {
+        let longest = LONGEST_POSITION / MS / 4 * 4;
+        let stands =
+            |ms: u64| readings(move |at| Some(if at < 40 { at as u32 } else { (at - 40).saturating_sub(ms) as u32 }));
+        assert_eq!(Class::of(&sound(), &stands(longest + 4), &[]), Class::Dangerous);
+        assert_eq!(Class::of(&sound(), &stands(longest), &[]), Class::Recovered);
+        // Nothing new in the middle of the run is as bad, and no position for as long is not.
+        let none = readings(|ms| (ms < 40).then_some(ms as u32));
+        assert_eq!(Class::of(&sound(), &none, &[]), Class::Stopped);
+    }
+
+    #[test]
+    fn a_violation_that_misleads_a_reader_is_dangerous() {
+        for violation in [
+            Violation::ShownExpired,
+            Violation::LinkFlags,
+            Violation::StateWrong,
+            Violation::TimestampWrong,
+            Violation::UplinkWrong,
+        ] {
+            assert_eq!(Class::of(&sound(), &sound(), &[Violation::NoFrame, violation]), Class::Dangerous);
+        }
+        assert_eq!(Class::of(&sound(), &sound(), &[Violation::NoFrame]), Class::Masked);
+    }
+
+    #[test]
+    fn a_reading_has_the_bytes_and_the_verdict_of_its_transaction() {
+        let transaction = |at, selected, byte: u8| Event {
+            at,
+            what: What::Transaction { selected, mosi: vec![].into(), miso: vec![byte].into() },
+        };
+        let decided = |at, position| Event { at, what: What::Decided { position, age_us: None } };
+        let events = [
+            transaction(5, 3, 7),
+            decided(5, Some(9)),
+            transaction(9, 8, 7),
+            decided(9, None),
+            transaction(15, 3, 8),
+            decided(15, Some(9)),
+        ];
+        let readings: Vec<Reading> = Reading::of(&events).collect();
+        let seen: Vec<_> = readings.iter().map(|reading| (reading.at, reading.position)).collect();
+        assert_eq!(seen, [(5, Some(9)), (9, None), (15, Some(9))]);
+        assert!(readings[0].bytes != readings[1].bytes && readings[0].bytes != readings[2].bytes);
+    }
+}

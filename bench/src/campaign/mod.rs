@@ -1,0 +1,163 @@
+//! Campaigns: many short runs with one fault each, on copies of a bench that runs already.
+//!
+//! A campaign runs the link once without a fault and notes what the flight controller read ([`Reading`]). Then it runs
+//! the link again, and copies the bench at instants that the seed determines. Each copy gets one fault and runs on
+//! alone, and the effect of the fault has one of these classes ([`Class`]):
+//!
+//! | class | what the flight controller read |
+//! |---|---|
+//! | masked | the same, at the same instants, as without the fault |
+//! | recovered | something else, nothing invalid as valid; at the end it has new positions again |
+//! | stopped | the same, but at the end it has no position, and knows that |
+//! | dangerous | invalid data as valid, or a position that stays the same without anything that says so |
+//!
+//! A trial is determined by the seed, its number and the [`Scope`], not by the number of cycles, jobs or shards. So
+//! every trial can be repeated alone, and shards that were run on several machines are one campaign after
+//! [`Tally::merge`].
+//!
+//! A fault that changed nothing anywhere would look masked. Therefore a trial whose log has no injected fault counts as
+//! void, and a campaign has failed ([`Tally::flaws`]) if one of its kinds was never injected or never read.
+
+mod bound;
+mod class;
+mod tally;
+mod trial;
+
+use std::sync::Mutex;
+
+use cortex_m4::{Cost, Fast, Optimistic, Pessimistic};
+use emulator_node::{Clock, Threads};
+use rayon::prelude::*;
+
+use crate::faults::Faults;
+use crate::sim::{self, Bench, Setup};
+
+pub use bound::clopper_pearson;
+pub use class::{Class, Reading};
+pub use tally::{Counts, MergeError, Scope, Shard, Tally};
+pub use trial::{CYCLE, Plan, Trial};
+
+/// The range, virtual ns, from which the instants of the faults are drawn. Both boards have started before it.
+pub const BETWEEN: (u64, u64) = (500_000_000, 20_500_000_000);
+
+/// The settings of a campaign.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// What determines each trial.
+    pub scope: Scope,
+    /// The least number of cycles of HORUS that all trials together run. Each trial has a number of cycles that its
+    /// fault determines.
+    pub cycles: u64,
+    /// The number of threads, at least 1.
+    pub jobs: usize,
+    /// The part of the campaign that is run.
+    pub shard: Shard,
+}
+
+/// The reason why a campaign could not be run.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The bench cannot begin.
+    #[error(transparent)]
+    Bench(#[from] sim::Error),
+    /// The threads cannot be started.
+    #[error("the threads of the campaign cannot be started")]
+    Threads(#[from] rayon::ThreadPoolBuildError),
+    /// The run without a fault breaks a rule of the judge, so that nothing can be compared with it.
+    #[error("the run without a fault already has violations: {0}")]
+    Reference(String),
+    /// The run without a fault read nothing.
+    #[error("the flight controller read no position in the run without a fault")]
+    NothingRead,
+}
+
+/// Runs the campaign on a link of `setup`, whose faults, length and outputs are ignored. Calls `done` with the cycles of
+/// each trial that has ended.
+///
+/// # Errors
+///
+/// The bench cannot begin, or the run without a fault is not one to compare with.
+pub fn run(setup: &Setup, options: &Options, done: impl Fn(u64) + Sync) -> Result<Tally, Error> {
+    let plans = Plan::all(&options.scope, options.cycles).filter(|plan| options.shard.has(plan.number));
+    let trials = trials(setup, options, plans.collect(), done)?;
+    Ok(Tally::of(&options.scope, options.cycles, options.shard, &trials))
+}
+
+/// Runs the trial `number` of the campaign alone.
+///
+/// # Errors
+///
+/// As those of [`run`].
+pub fn repeat(setup: &Setup, options: &Options, number: u64) -> Result<Trial, Error> {
+    let plan = Plan::new(&options.scope, number);
+    Ok(trials(setup, options, vec![plan], |_| ())?.remove(0))
+}
+
+fn trials(setup: &Setup, options: &Options, plans: Vec<Plan>, done: impl Fn(u64) + Sync) -> Result<Vec<Trial>, Error> {
+    match setup.clock {
+        Clock::Fast => trials_on::<Fast>(setup, options, plans, done),
+        Clock::Optimistic => trials_on::<Optimistic>(setup, options, plans, done),
+        Clock::Pessimistic => trials_on::<Pessimistic>(setup, options, plans, done),
+    }
+}
+
+fn trials_on<C: Cost>(
+    setup: &Setup,
+    options: &Options,
+    mut plans: Vec<Plan>,
+    done: impl Fn(u64) + Sync,
+) -> Result<Vec<Trial>, Error> {
+    plans.sort_by_key(|plan| (plan.at, plan.number));
+    let last = plans.iter().map(|plan| plan.at + plan.cycles * CYCLE).max().unwrap_or(0);
+    let setup = Setup {
+        faults: Faults::none(),
+        duration_ns: BETWEEN.1 + trial::LONGEST,
+        sweep: None,
+        trace: None,
+        log: None,
+        plot: None,
+        ..setup.clone()
+    };
+    let reference = reference::<C>(&setup, last)?;
+    let base = Mutex::new(Bench::<C>::new(&setup)?);
+    let run = |plan: Plan| {
+        // Only one thread at a time runs and copies the bench; what takes time is what comes after.
+        let trial = {
+            let mut base = base.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            base.run_to(plan.at, Threads::One);
+            plan.begin(base.clone())
+        };
+        let trial = trial.run(&reference);
+        done(trial.cycles);
+        trial
+    };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(options.jobs.max(1)).build()?;
+    let plans = Mutex::new(plans.into_iter());
+    let mut trials: Vec<Trial> = pool.install(|| {
+        // A bridge hands out the plans in order of their instants, which the bench needs because it cannot go back.
+        std::iter::repeat(())
+            .map_while(|()| plans.lock().unwrap_or_else(std::sync::PoisonError::into_inner).next())
+            .par_bridge()
+            .map(run)
+            .collect()
+    });
+    trials.sort_by_key(|trial| trial.number);
+    Ok(trials)
+}
+
+/// Returns what the flight controller reads without a fault up to `last` (ns).
+fn reference<C: Cost>(setup: &Setup, last: u64) -> Result<Vec<Reading>, Error> {
+    let mut bench = Bench::<C>::new(setup)?;
+    bench.keep_log();
+    bench.run_to(last, Threads::Two);
+    let finished = bench.finish(last);
+    if !finished.verdict.violations.is_empty() {
+        let words: Vec<String> = finished.verdict.violations.iter().map(ToString::to_string).collect();
+        return Err(Error::Reference(words.join("; ")));
+    }
+    let readings: Vec<Reading> = Reading::of(&finished.log.events).collect();
+    if last > 0 && !readings.iter().any(|reading| reading.position.is_some()) {
+        return Err(Error::NothingRead);
+    }
+    Ok(readings)
+}

@@ -1,0 +1,218 @@
+//! One trial: a fault on a copy of the bench, and what became of it.
+
+use bench_judge::{Board, Event, Violation, What};
+use cortex_m4::Cost;
+use emulator_node::Threads;
+
+use super::class::{self, Class, Reading};
+use super::tally::Scope;
+use crate::faults::plan::LENGTH;
+use crate::faults::{AirFaults, Fault, Faults, Kind, Rng, Upset, name_of};
+use crate::sim::Bench;
+
+/// The length of a cycle of HORUS, virtual ns.
+pub const CYCLE: u64 = 10_000_000;
+
+/// The number of trials with the same instant, which the bench reaches once.
+const PER_INSTANT: u64 = 16;
+
+/// How long a copy of the bench runs after an upset, ns. The watchdogs reset a board within 200 ms, and 40 ms later the
+/// board's cycles are accepted again.
+const AFTER_UPSET: u64 = 400_000_000;
+
+/// How long a copy runs after the end of a fault of the air or of a line, ns: the recovery takes three cycles.
+const AFTER_LINE: u64 = 100_000_000;
+
+/// How long a copy runs after the end of any other fault, ns. A board may have to start, and a front end too.
+const AFTER_FAULT: u64 = 600_000_000;
+
+/// The longest time by which a copy without a position at its end runs on, ns. A receiver that lost its settings, or a
+/// board that starts, has a position again before its end.
+const EXTENSION: u64 = 1_500_000_000;
+
+/// The step in which a copy runs on, ns.
+const STEP: u64 = 10 * CYCLE;
+
+/// The longest time from the beginning of a trial to its end, ns.
+pub(super) const LONGEST: u64 = 8_000_000_000;
+
+/// The streams of random numbers of the instants and of the trials. The streams of the kinds of fault, from 0 on, are
+/// those of faults that are drawn into a run.
+const INSTANTS: u64 = 1 << 40;
+const TRIALS: u64 = 2 << 40;
+
+/// A trial before it runs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// The number of the trial in its campaign, from 1.
+    pub number: u64,
+    /// The kind of fault.
+    pub kind: Kind,
+    /// The board that is upset; `None` unless the kind is an upset.
+    pub board: Option<Board>,
+    /// The instant, virtual ns, at which the bench is copied. The first fault begins there.
+    pub at: u64,
+    /// The number of cycles of HORUS that the trial runs, unless it has no position at their end.
+    pub cycles: u64,
+    faults: Faults,
+    rng: Rng,
+}
+
+impl Plan {
+    /// The plans of all trials in `scope` that have at least `cycles` cycles together.
+    pub fn all(scope: &Scope, cycles: u64) -> impl Iterator<Item = Self> {
+        let mut left = cycles;
+        let plans = (1..).map(|number| Self::new(scope, number));
+        plans.map_while(move |plan| {
+            let goes_on = left > 0;
+            left = left.saturating_sub(plan.cycles);
+            goes_on.then_some(plan)
+        })
+    }
+
+    /// The plan of the trial `number`.
+    #[must_use]
+    pub fn new(scope: &Scope, number: u64) -> Self {
+        let nth = number.saturating_sub(1);
+        let kinds = scope.kinds.len().max(1) as u64;
+        let kind = scope.kinds.get((nth % kinds) as usize).copied().unwrap_or(Kind::Air);
+        let board = if nth / kinds % 2 == 0 { Board::Horus } else { Board::Dpr };
+        let (from, to) = super::BETWEEN;
+        let at = Rng::stream(scope.seed, INSTANTS + nth / PER_INSTANT).between(from, to);
+        let mut rng = Rng::stream(scope.seed, TRIALS + number);
+        let faults = match kind {
+            _ if kind.is_upset() => Faults::none(),
+            Kind::Bits => {
+                let until = at + rng.between(LENGTH.0, LENGTH.1);
+                let air = AirFaults { bit_error: scope.bit_error, ..AirFaults::default() };
+                Faults::none().with(at, until, Fault::Air(air))
+            }
+            kind => Faults::one(kind, scope.gps, &mut rng, at),
+        };
+        let over = faults.episodes().iter().map(|episode| episode.until).max().unwrap_or(at);
+        let after = match kind {
+            _ if kind.is_upset() => AFTER_UPSET,
+            Kind::Bits | Kind::Spi | Kind::Drift | Kind::FlightController => AFTER_LINE,
+            _ => AFTER_FAULT,
+        };
+        let cycles = (over + after - at).div_ceil(CYCLE);
+        Self { number, kind, board: kind.is_upset().then_some(board), at, cycles, faults, rng }
+    }
+
+    /// The name of the trial's row in a table: the kind of fault and, for an upset, the board.
+    #[must_use]
+    pub fn row(&self) -> String {
+        match self.board {
+            Some(board) => format!("{} {}", self.kind, name_of(board)),
+            None => self.kind.to_string(),
+        }
+    }
+
+    /// Puts the fault into `bench`, a copy that has reached [`Plan::at`].
+    pub(super) fn begin<C: Cost>(mut self, mut bench: Bench<C>) -> Begun<C> {
+        let mut words: Vec<String> = self.faults.episodes().iter().map(|it| it.fault.name()).collect();
+        if let Some(board) = self.board {
+            let upset = match board {
+                Board::Horus => Upset::drawn_on(self.kind, &mut self.rng, bench.horus()),
+                Board::Dpr => Upset::drawn_on(self.kind, &mut self.rng, bench.dpr()),
+            };
+            if let Some(upset) = upset {
+                words.push(upset.to_string());
+                let now = bench.now();
+                self.faults = Faults::none().with(now, now, Fault::Upset(board, upset));
+            }
+        }
+        bench.add_faults(&self.faults);
+        bench.keep_log();
+        Begun { plan: self, words: words.join(", "), bench }
+    }
+}
+
+/// A trial that has begun and not run yet.
+pub(super) struct Begun<C: Cost> {
+    plan: Plan,
+    words: String,
+    bench: Bench<C>,
+}
+
+impl<C: Cost> Begun<C> {
+    /// Runs the trial to its end. `reference` has the readings of the run without a fault.
+    pub(super) fn run(self, reference: &[Reading]) -> Trial {
+        let Self { plan, words, mut bench } = self;
+        let planned = plan.at + plan.cycles * CYCLE;
+        let mut end = planned;
+        let mut seen = Seen::default();
+        loop {
+            bench.run_to(end, Threads::One);
+            seen.take(&bench.take_log());
+            if class::flies(&seen.readings) || end >= planned + EXTENSION {
+                break;
+            }
+            end += STEP;
+        }
+        let finished = bench.finish(end);
+        seen.take(&finished.log.events);
+        let is_within = |reading: &&Reading| (plan.at..=end).contains(&reading.at);
+        let reference: Vec<Reading> = reference.iter().filter(is_within).copied().collect();
+        seen.readings.retain(|reading| (plan.at..=end).contains(&reading.at));
+        let violations: Vec<Violation> = finished.verdict.kinds().collect();
+        Trial {
+            number: plan.number,
+            row: plan.row(),
+            is_upset: plan.board.is_some(),
+            at: plan.at,
+            fault: words,
+            cycles: (end - plan.at).div_ceil(CYCLE),
+            readings: seen.readings.len() as u64,
+            injected: seen.injected,
+            class: Class::of(&reference, &seen.readings, &violations),
+            violations: finished.verdict.violations.iter().map(ToString::to_string).collect(),
+        }
+    }
+}
+
+#[derive(Default)]
+struct Seen {
+    readings: Vec<Reading>,
+    injected: bool,
+}
+
+impl Seen {
+    fn take(&mut self, events: &[Event]) {
+        self.readings.extend(Reading::of(events));
+        self.injected |= events.iter().any(|event| matches!(event.what, What::Injected { .. }));
+    }
+}
+
+/// A trial that has been run.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Trial {
+    /// The number of the trial in its campaign, from 1.
+    pub number: u64,
+    /// The name of the trial's row, see [`Plan::row`].
+    pub row: String,
+    /// Whether the fault is an upset, of whose consequences the judge excuses few.
+    pub is_upset: bool,
+    /// The instant at which the fault began, virtual ns.
+    pub at: u64,
+    /// The fault in words.
+    pub fault: String,
+    /// The number of cycles that the trial ran.
+    pub cycles: u64,
+    /// The number of transactions that the flight controller read.
+    pub readings: u64,
+    /// Whether the log says that the fault was injected.
+    pub injected: bool,
+    /// The class of the fault's effect.
+    pub class: Class,
+    /// The violations of the judge's rules, in words.
+    pub violations: Vec<String>,
+}
+
+impl std::fmt::Display for Trial {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { number, row, fault, class, .. } = self;
+        write!(f, "trial {number}, {row}, at {:.6} ms: {fault}: {}", self.at as f64 / 1e6, class.name())?;
+        if self.violations.is_empty() { Ok(()) } else { write!(f, ": {}", self.violations.join("; ")) }
+    }
+}
