@@ -48,7 +48,7 @@ fn answered(result: Result<Vec<u8>, String>) -> i32 {
 #[unsafe(no_mangle)]
 pub extern "C" fn room(length: usize) -> *const u8 {
     MESSAGE.set(vec![0; length]);
-    MESSAGE.with_borrow(|message| message.as_ptr())
+    MESSAGE.with_borrow(Vec::as_ptr)
 }
 
 /// Takes the message as the firmware of a board: 0 HORUS, 1 the DPR, 2 the hold.
@@ -69,5 +69,5 @@ pub extern "C" fn ask() -> i32 {
 // SAFETY: no other function of the program has this name.
 #[unsafe(no_mangle)]
 pub extern "C" fn answer() -> *const u8 {
-    ANSWER.with_borrow(|answer| answer.as_ptr())
+    ANSWER.with_borrow(Vec::as_ptr)
 }
