@@ -74,6 +74,7 @@ impl StationData {
         self.alarms.push_back((drone, change));
     }
 
+    #[cfg(feature = "command")]
     pub(crate) fn note_command(&mut self, told: CommandRecord) {
         if let Some(known) = self.commands.iter_mut().find(|known| known.is_of(&told)) {
             *known = told;

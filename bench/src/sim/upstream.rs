@@ -132,11 +132,9 @@ impl Receivers {
         let ticks = node.board_mut(Horus::take_ticks);
         for at in ticks.into_iter().flat_map(|at| self.wires.tick(at)) {
             self.events.note(at, What::Tick);
-            if self.tasks.is_some() {
-                // The pin TICK is high for a constant time before each tick.
-                let rose = at.saturating_sub(TICK_PULSE_NS);
-                self.marks.extend([Mark::Level(rose, Wire::HorusTick, true), Mark::Level(at, Wire::HorusTick, false)]);
-            }
+            // The pin TICK is high for a constant time before each tick.
+            let rose = at.saturating_sub(TICK_PULSE_NS);
+            self.marks.extend([Mark::Level(rose, Wire::HorusTick, true), Mark::Level(at, Wire::HorusTick, false)]);
         }
     }
 

@@ -125,7 +125,7 @@ function push() {
   pushed = now;
   const list = fresh || now - listed >= LIST_MS;
   if (list) listed = now;
-  const after_ms = step.outcome ? now - ended : 0;
+  const after_ms = step.outcome ? Math.round(now - ended) : 0;
   port.postMessage({ what: "state", data: text({ what: "state", drone, list, history: fresh, after_ms }) });
   fresh = false;
 }
@@ -160,7 +160,7 @@ onmessage = async ({ data, ports }) => {
       begun = begin(data.flight);
     }
     await begun;
-    if (data.what === "begin") return;
+    if (data.what === "begin" || !wasm) return;
     const answered = data.what === "wires" ? bytes({ what: "wires" }).buffer : ask(data.request);
     postMessage({ what: "answer", number: data.number, answered });
   } catch (error) {

@@ -9,14 +9,14 @@
 //! | function | what |
 //! |---|---|
 //! | `room(length)` | makes room for a message of this length, and returns its address |
-//! | `load(board)` | takes the message as the firmware ([`Firmware::pack`](emulator_node::Firmware::pack)) of a board: 0 HORUS, 1 the DPR, 2 the hold |
+//! | `load(board)` | takes the message as the packed firmware of a board: 0 HORUS, 1 the DPR, 2 the hold |
 //! | `ask()` | takes the message as a [`request::Request`] in JSON |
 //! | `answer()` | returns the address of the answer to the last `load` or `ask` |
 //!
 //! `load` and `ask` return the length of the answer. A negative length is that of an error in words.
 //!
-//! Of WASI's functions the program calls those that write to standard error, which has the message of a panic; files and
-//! threads it has none.
+//! A firmware is packed by [`Firmware::pack`](emulator_node::Firmware::pack). Of WASI's functions the program calls
+//! those that write to standard error, which has the message of a panic. There are no files and no threads.
 
 mod digest;
 pub mod flight;
@@ -48,7 +48,7 @@ fn answered(result: Result<Vec<u8>, String>) -> i32 {
 #[unsafe(no_mangle)]
 pub extern "C" fn room(length: usize) -> *const u8 {
     MESSAGE.set(vec![0; length]);
-    MESSAGE.with_borrow(|message| message.as_ptr())
+    MESSAGE.with_borrow(Vec::as_ptr)
 }
 
 /// Takes the message as the firmware of a board: 0 HORUS, 1 the DPR, 2 the hold.
@@ -69,5 +69,5 @@ pub extern "C" fn ask() -> i32 {
 // SAFETY: no other function of the program has this name.
 #[unsafe(no_mangle)]
 pub extern "C" fn answer() -> *const u8 {
-    ANSWER.with_borrow(|answer| answer.as_ptr())
+    ANSWER.with_borrow(Vec::as_ptr)
 }

@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::flight::{Flight, Wanted};
 
-/// A request, in JSON.
+/// A request, in JSON. It has whole numbers only, because an enumeration with a tag cannot be read with others where a
+/// crate has turned on serde_json's arbitrary precision, as the defmt decoder does.
 #[derive(Debug, Deserialize)]
 #[serde(tag = "what", rename_all = "snake_case")]
 pub enum Request {
@@ -16,7 +17,7 @@ pub enum Request {
         /// The flight that is wanted, as the page's address has it.
         flight: Wanted,
         /// The present time, ms since 1970.
-        unix_ms: f64,
+        unix_ms: u64,
     },
     /// Runs the flight for 10 ms. The answer is a [`Stepped`](crate::flight::Stepped).
     Step,
@@ -29,7 +30,7 @@ pub enum Request {
         /// Whether the answer has the last minutes.
         history: bool,
         /// The time since the flight's end, ms.
-        after_ms: f64,
+        after_ms: u64,
     },
     /// Asks for the panel: a path and a query that the panel of `cargo xtask live` has. The answer is an [`Answer`].
     Panel {
@@ -81,7 +82,7 @@ impl Bench {
                 return Err("the firmwares come first".into());
             };
             let programs = Programs { horus, dpr, hold: hold.clone() };
-            let begun = Flight::begin(&flight, &programs, (unix_ms * 1e3) as u64)?;
+            let begun = Flight::begin(&flight, &programs, unix_ms.saturating_mul(1_000))?;
             let told = json(begun.wanted());
             self.flight = Some(begun);
             return told;
@@ -92,7 +93,7 @@ impl Bench {
             Request::Step => json(&flight.step()?),
             Request::State { drone, list, history, after_ms } => {
                 let drone = Some(drone).filter(|drone| !drone.is_empty());
-                json(&flight.state(drone.as_deref(), With { list, history }, (after_ms * 1e3) as u64))
+                json(&flight.state(drone.as_deref(), With { list, history }, after_ms.saturating_mul(1_000)))
             }
             Request::Panel { path } => json(&panel(flight, &path)),
             Request::Wires => Ok(flight.wires()),

@@ -707,7 +707,8 @@ function drawMap() {
   }
   if (last.voted) {
     const [px, py] = at(last.voted);
-    const turned = state.drone.reported.attitude;
+    // A HORUS that has just restarted has reported nothing yet; its last place is still on the map.
+    const turned = state.drone.reported && state.drone.reported.attitude;
     to.fillStyle = colour("--voted");
     to.beginPath();
     if (turned) {
