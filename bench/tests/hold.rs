@@ -2,6 +2,8 @@
 
 use crate::boards;
 
+use std::collections::BTreeSet;
+
 use bench::faults::hold::Hostile;
 use bench::faults::power::{sag_length, shape};
 use bench::faults::{Board, Fault, Faults, HoldFault, Kind, PowerFault};
@@ -125,10 +127,11 @@ fn objects(finished: &Finished) -> (u64, u64) {
 #[test]
 fn a_hostile_hold_costs_horus_no_object_and_adds_none() {
     for gps in [1, 3] {
-        let Some(mut setup) = setup(gps, 8_000 * MS) else { return };
+        let Some(mut setup) = setup(gps, 9_000 * MS) else { return };
         let quiet = objects(&run::<Fast>(&setup, Threads::Two));
         setup.faults = Faults::drawn(&[Kind::Hostile], gps, 1, setup.duration_ns);
-        assert!(setup.faults.episodes().len() >= 5, "{:?}", setup.faults);
+        let names: BTreeSet<String> = setup.faults.episodes().iter().map(|episode| episode.fault.name()).collect();
+        assert_eq!(names.len(), 5, "{names:?}");
         let finished = run::<Fast>(&setup, Threads::Two);
         assert_eq!(words(&finished), [""; 0], "{gps} receivers");
         assert_eq!(objects(&finished), quiet, "{gps} receivers");
@@ -150,7 +153,7 @@ fn the_ports_tasks_check_in_while_the_port_rests() {
     eprintln!("the port rests {rests} times in 34 periods");
     assert!((20..=35).contains(&rests), "{rests}");
     // A task that does not check in for 100 ms makes the watchdog bite.
-    assert_eq!(bench.dpr().resets().iter().map(|reset| reset.at).collect::<Vec<_>>(), [0]);
+    assert_eq!(bench.dpr().resets(), []);
 }
 
 /// The seed of a sag that takes the supply at once below the DPR's warning and not below its brown-out threshold.
@@ -196,11 +199,10 @@ fn frames_of_horus_that_a_coupled_hold_repeats_are_rejected_by_sequence() {
     let crosstalk = Fault::Hold(HoldFault::Crosstalk);
     setup.faults = Faults::none().with(500 * MS, 19_000 * MS, crosstalk).with(1_000 * MS, 18_000 * MS, REPLAYS);
     let finished = run::<Fast>(&setup, Threads::Two);
-    eprintln!("objects accepted and rejected: {:?}", objects(&finished));
-    eprintln!("{:?}", finished.report.reported);
     assert_eq!(words(&finished), [""; 0]);
-    let (_, rejected) = objects(&finished);
-    assert!(rejected > 100, "the listener hears them: {rejected}");
+    let (accepted, rejected) = objects(&finished);
+    eprintln!("of two objects in each of 2000 cycles {accepted} were accepted; {rejected} were rejected");
+    assert!(rejected > 2_000, "the listener hears them: {rejected}");
 }
 
 #[test]

@@ -4,6 +4,7 @@ use crate::boards;
 
 use bench::boards::Hold;
 use bench::faults::Upset;
+use bench::payload::Payload;
 use emulator_node::Node;
 use firmware_common::last_stop::Cause;
 use firmware_common::patrol::SLICE_US;
@@ -12,8 +13,6 @@ const US: u64 = 1_000;
 const MS: u64 = 1_000_000;
 /// The step in which the pins are looked at, ns: a PWM period is 1 ms.
 const STEP: u64 = 20 * US;
-/// The seed of a box that is cold, so that it is heated.
-const COLD: u64 = 2;
 /// The longest time until the idle loop finds a changed guard word, ns: two slices, and 12 ms in which the task of the
 /// sensors waits for their bus.
 const FOUND: u64 = 2 * SLICE_US as u64 * US + 12 * MS;
@@ -38,7 +37,8 @@ fn heats(node: &mut Node<Hold>, to: u64) -> u32 {
 
 /// The hold while it heats with its whole power; `None` if the firmware was not built.
 fn heating() -> Option<Node<Hold>> {
-    let mut node = boards::hold(COLD)?;
+    let is_cold = |seed: &u64| Payload::new(*seed).climate.air(0).temperature < 5.0;
+    let mut node = boards::hold((0..).find(is_cold).expect("boxes begin at -7 to 41 °C"))?;
     run(&mut node, 3_000 * MS);
     let now = node.now();
     assert!(heats(&mut node, now + 10 * MS) > 350, "it heats for 0.8 of 500 steps");

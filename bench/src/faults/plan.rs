@@ -629,8 +629,8 @@ mod tests {
             let (alone, all) = (judged(&[Kind::Hold], seed), judged(groups, seed));
             let is_at_least =
                 |shares: [u64; 3], least: [u64; 3]| shares.iter().zip(least).all(|(it, least)| *it >= least);
-            assert!(is_at_least(alone, [50, 50, 33]), "{alone:?}");
-            assert!(is_at_least(all, [50, 20, 33]), "{all:?}");
+            assert!(is_at_least(alone, [40, 40, 25]), "{alone:?}");
+            assert!(is_at_least(all, [40, 2, 25]), "{all:?}");
         }
     }
 

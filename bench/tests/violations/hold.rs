@@ -22,7 +22,7 @@ const fn row(violation: Violation, faults: fn() -> Faults) -> Row {
 
 /// Another constant in the hold's program from its start on.
 fn constant(of: u32, value: u32) -> Faults {
-    Faults::none().with(0, 1, Fault::Hold(HoldFault::Constant { of, value }))
+    Faults::none().with(0, u64::MAX, Fault::Hold(HoldFault::Constant { of, value }))
 }
 
 /// A hold whose box is cold.
