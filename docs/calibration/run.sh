@@ -1,5 +1,5 @@
 #!/bin/sh
-# Runs CoreMark and AES on the clocks of the bench: docs/calibration/run.sh COREMARK AES, two folders with the sources of
+# Runs CoreMark and AES on the clocks of the bench: docs/calibration/run.sh COREMARK AES, folders with the sources of
 # https://github.com/eembc/coremark and https://github.com/Ko-/aes-armcortexm. Needs arm-none-eabi-gcc (Debian:
 # gcc-arm-none-eabi, libnewlib-arm-none-eabi), and `cargo build -p emulator` before.
 set -eu
@@ -30,7 +30,8 @@ build() { # file, then options
 }
 on_all_clocks() { # part, file
     for clock in fast optimistic pessimistic; do
-        "$emulator" run "$2" --part "$1" --clock "$clock" 2>&1 | grep -E 'cycles|error' | sed "s/^ *[0-9.]* ms */  $clock: /"
+        "$emulator" run "$2" --part "$1" --clock "$clock" 2>&1 | grep -E 'cycles|error' |
+            sed "s/^ *[0-9.]* ms */  $clock: /"
     done
 }
 for part in nrf52840 stm32f429zi; do

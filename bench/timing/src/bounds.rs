@@ -244,7 +244,8 @@ pub fn text(boards: &[BoardFigures]) -> String {
     let mut text = String::new();
     for board in boards {
         text += &format!(
-            "{}: load at most {:.1} %, stack {} of {} bytes\n  {:<24} {:>4} {:>6} {:>8} {:>8} {:>8} {:>8} {:>8} {:>9}\n",
+            "{}: load at most {:.1} %, stack {} of {} bytes\n  {:<24} {:>4} {:>6} {:>8} {:>8} {:>8} {:>8} {:>8} \
+             {:>9}\n",
             board.board,
             100.0 * board.load,
             board.stack_used,
@@ -285,7 +286,8 @@ pub fn page(boards: &[BoardFigures]) -> String {
     for board in boards {
         text += &format!(
             "**{}**: load at most {:.1} %, stack {} of {} bytes used\n\n\
-             | task | priority | longest | blocked | delayed | bound | seen | deadline, and why | releases at most, and why |\n\
+             | task | priority | longest | blocked | delayed | bound | seen | deadline, and why | releases at most, \
+             and why |\n\
              |---|---|---|---|---|---|---|---|---|\n",
             board.board,
             100.0 * board.load,

@@ -28,7 +28,7 @@ fn images() -> Option<TimingImages> {
 fn no_response_of_another_run_with_faults_is_above_its_bound() {
     let Some(images) = images() else { return };
     let mut of_search = runs(&images, 3, Clock::Pessimistic);
-    of_search.retain(|run| ["ordinary", "sweep", "faults together", "as delivered"].contains(&&*run.name));
+    of_search.retain(|run| run.setup.hold.is_none());
     let (boards, _) = search(of_search).unwrap();
     let faults = Faults::drawn(&[Kind::Air, Kind::Gnss, Kind::FlightController], 3, 77, 3_000 * MS);
     let link = images.link.clone();
