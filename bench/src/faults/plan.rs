@@ -515,7 +515,7 @@ mod tests {
         assert_eq!(
             error,
             "\"radio\" is no kind of fault: give one or several of air, gnss, fc, power, ram, flash, registers, \
-             buffers, inputs, hang, chips, hold"
+             buffers, inputs, hang, chips, hold, bits, spi, drift, peripherals"
         );
     }
 
@@ -571,6 +571,7 @@ mod tests {
                         (Fault::Power(_, PowerFault::CrystalDead), Fault::Power(Board::Dpr, _)) => true,
                         (Fault::Power(one, _), Fault::Power(other, _)) => one != other,
                         (Fault::Hang(one), Fault::Hang(other)) => one != other,
+                        (Fault::Drift(one, _), Fault::Drift(other, _)) => one != other,
                         (Fault::Power(one, _), Fault::Hang(other)) => one == other,
                         _ => false,
                     } && pair[1].at - pair[0].at <= BETWEEN_BOARDS;
@@ -601,7 +602,9 @@ mod tests {
     #[test]
     fn the_duties_of_the_hold_are_judged_in_a_drawn_run() {
         for seed in 1..4 {
-            let (alone, all) = (judged(&[Kind::Hold], seed), judged(&Kind::ALL, seed));
+            // Glitches of the DPR's SPI fill the little time in which all other kinds leave the DPR alone.
+            let most = Kind::ALL.map(|kind| if kind == Kind::Spi { Kind::Hold } else { kind });
+            let (alone, all) = (judged(&[Kind::Hold], seed), judged(&most, seed));
             let is_at_least =
                 |shares: [u64; 3], least: [u64; 3]| shares.iter().zip(least).all(|(it, least)| *it >= least);
             assert!(is_at_least(alone, [40, 40, 25]), "{alone:?}");
