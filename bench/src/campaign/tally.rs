@@ -285,7 +285,7 @@ mod tests {
     }
 
     fn trial(number: u64, class: Class) -> Trial {
-        let is_upset = number % 2 == 0;
+        let is_upset = number.is_multiple_of(2);
         Trial {
             number,
             row: if is_upset { "ram dpr" } else { "air" }.to_owned(),
