@@ -52,7 +52,8 @@ pub(crate) struct CampaignArgs {
     #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..=3_600))]
     seconds: u64,
     /// Repeat the trial of this number alone, and print what it broke.
-    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u64).range(1..), conflicts_with_all = ["cycles", "shard", "jobs", "json"])]
+    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(conflicts_with_all = ["cycles", "shard", "jobs", "json"])]
     trial: Option<u64>,
     /// Write the outcome as JSON, for `merge`.
     #[arg(long, value_name = "FILE")]

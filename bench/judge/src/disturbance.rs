@@ -361,7 +361,9 @@ impl Disturbance {
                 (Excuse::SelfTest, Start(Dpr)),
                 (Excuse::DprComplaints, Start(Dpr)),
             ],
-            Self::Memory { board: Dpr, memory: Memory::Registers | Memory::Peripherals } => &[(Excuse::DprComplaints, Start(Dpr))],
+            Self::Memory { board: Dpr, memory: Memory::Registers | Memory::Peripherals } => {
+                &[(Excuse::DprComplaints, Start(Dpr))]
+            }
             // A receiver's pin, bus or DMA may not work any more.
             Self::Memory { board: Horus, memory: Memory::Peripherals } => &[
                 (Excuse::Ears, Start(Horus)),

@@ -35,8 +35,8 @@ impl Reading {
     }
 }
 
-/// The longest time, ns, for which the client may fly by one position: the age limit of 100 ms
-/// (docs/design.md#readers), and the longest time to the next reading.
+/// The longest time, ns, for which the client may fly by one position: its age limit of 100 ms
+/// ([`profile::ssi::client::Config`]), and the longest time to the next two readings.
 pub(super) const LONGEST_POSITION: u64 = 100_000_000 + 2 * 4_100_000;
 
 /// The time, ns, before the end in which a link that has recovered brings a new position.

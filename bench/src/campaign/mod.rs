@@ -71,8 +71,8 @@ pub enum Error {
     NothingRead,
 }
 
-/// Runs the campaign on a link of `setup`, whose faults, length and outputs are ignored. Calls `done` with the cycles of
-/// each trial that has ended.
+/// Runs the campaign on a link of `setup`, whose faults, length and outputs are ignored. Calls `done` with the cycles
+/// of each trial that has ended.
 ///
 /// # Errors
 ///

@@ -111,8 +111,8 @@ impl Counts {
     }
 }
 
-/// The outcome of a campaign, or of some of its parts. It has no times and no number of threads, so two runs of the same
-/// campaign are equal.
+/// The outcome of a campaign, or of some of its parts. It has no times and no number of threads, so two runs of the
+/// same campaign are equal.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Tally {
     /// The options that determine the trials, as the command line has them.
@@ -285,7 +285,7 @@ mod tests {
     }
 
     fn trial(number: u64, class: Class) -> Trial {
-        let is_upset = number % 2 == 0;
+        let is_upset = number.is_multiple_of(2);
         Trial {
             number,
             row: if is_upset { "ram dpr" } else { "air" }.to_owned(),
@@ -383,7 +383,8 @@ mod tests {
     #[test]
     fn a_dangerous_trial_prints_the_command_that_repeats_it() {
         let text = Tally::of(&scope(), 40, Shard::WHOLE, &[trial(6, Class::Dangerous)]).to_string();
-        let repeat = "cargo xtask campaign --seed 7 --gps 3 --clock fast --seconds 20 --kinds air,ram --bit-error-rate 0.0001 --trial 6";
+        let repeat = "cargo xtask campaign --seed 7 --gps 3 --clock fast --seconds 20 --kinds air,ram \
+                      --bit-error-rate 0.0001 --trial 6";
         assert!(text.contains(repeat), "{text}");
         assert!(
             text.contains("trial 6, ram dpr, at 1.500000 ms: a fault: dangerous: old data shown after new"),

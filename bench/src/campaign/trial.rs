@@ -76,7 +76,7 @@ impl Plan {
         let nth = number.saturating_sub(1);
         let kinds = scope.kinds.len().max(1) as u64;
         let kind = scope.kinds.get((nth % kinds) as usize).copied().unwrap_or(Kind::Air);
-        let board = if nth / kinds % 2 == 0 { Board::Horus } else { Board::Dpr };
+        let board = if (nth / kinds).is_multiple_of(2) { Board::Horus } else { Board::Dpr };
         let latest = super::EARLIEST + scope.seconds * 1_000_000_000;
         let at = Rng::stream(scope.seed, INSTANTS + nth / PER_INSTANT).between(super::EARLIEST, latest);
         let mut rng = Rng::stream(scope.seed, TRIALS + number);

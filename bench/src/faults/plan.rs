@@ -537,7 +537,7 @@ mod tests {
         assert_eq!(
             error,
             "\"radio\" is no kind of fault: give one or several of air, gnss, fc, power, ram, flash, registers, \
-             buffers, inputs, hang, chips, hold, hostile"
+             buffers, inputs, hang, chips, hold, bits, spi, drift, peripherals, hostile"
         );
     }
 
@@ -593,6 +593,7 @@ mod tests {
                         (Fault::Power(_, PowerFault::CrystalDead), Fault::Power(Board::Dpr, _)) => true,
                         (Fault::Power(one, _), Fault::Power(other, _)) => one != other,
                         (Fault::Hang(one), Fault::Hang(other)) => one != other,
+                        (Fault::Drift(one, _), Fault::Drift(other, _)) => one != other,
                         (Fault::Power(one, _), Fault::Hang(other)) => one == other,
                         _ => false,
                     } && pair[1].at - pair[0].at <= BETWEEN_BOARDS;
@@ -624,9 +625,10 @@ mod tests {
     #[test]
     fn the_duties_of_the_hold_are_judged_in_a_drawn_run() {
         for seed in 1..4 {
-            let (last, groups) = Kind::ALL.split_last().unwrap();
-            assert_eq!(*last, Kind::Hostile, "the hold never sends undisturbed beside it");
-            let (alone, all) = (judged(&[Kind::Hold], seed), judged(groups, seed));
+            // The hold never sends undisturbed beside a hostile one, and glitches of the DPR's SPI fill the little time
+            // in which all other kinds leave the DPR alone.
+            let most: Vec<Kind> = Kind::ALL.into_iter().filter(|kind| !matches!(kind, Kind::Hostile | Kind::Spi)).collect();
+            let (alone, all) = (judged(&[Kind::Hold], seed), judged(&most, seed));
             let is_at_least =
                 |shares: [u64; 3], least: [u64; 3]| shares.iter().zip(least).all(|(it, least)| *it >= least);
             assert!(is_at_least(alone, [40, 40, 25]), "{alone:?}");
