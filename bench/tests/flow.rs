@@ -58,7 +58,9 @@ fn a_task_that_nothing_has_called_stops_its_board_or_finds_no_work() {
     let mut wrong = vec![];
     for board in [Board::Horus, Board::Dpr] {
         for task in 0..tasks_of(board).len() as u8 {
-            let Some(outcome) = spurious(3, Clock::Fast, board, task, BEGINS + 690 * US * u64::from(task)) else { return };
+            let Some(outcome) = spurious(3, Clock::Fast, board, task, BEGINS + 690 * US * u64::from(task)) else {
+                return;
+            };
             wrong.extend(outcome.err());
         }
     }

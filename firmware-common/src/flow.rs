@@ -166,8 +166,7 @@ mod tests {
     fn a_step_that_is_left_out_makes_the_next_one_out_of_order() {
         let cycle = |base: u32| ALL.into_iter().zip([base, base + 1, base + 30, base + 31]);
         for left_out in ALL {
-            let steps: Vec<_> =
-                cycle(0).filter(|(step, _)| *step != left_out).chain(cycle(100)).collect();
+            let steps: Vec<_> = cycle(0).filter(|(step, _)| *step != left_out).chain(cycle(100)).collect();
             assert!(first_wrong(&steps).is_some_and(|wrong| wrong <= 3), "{left_out:?}");
         }
     }

@@ -28,9 +28,7 @@ pub(crate) fn tick() -> u32 {
 /// What has raised the interrupt of TIMER1.
 pub(crate) enum Beat {
     /// A beat; the value is true at the tick.
-    Began {
-        is_tick: bool,
-    },
+    Began { is_tick: bool },
     /// The slot of a beat.
     Slot,
     /// Nothing, which never happens.

@@ -101,8 +101,9 @@ impl Integrity {
     fn read(&mut self, reading: &Reading, excused: bool, findings: &mut Findings) {
         let due = &mut self.supply_due[Board::Dpr as usize];
         if !excused && !reading.silent && due.take_if(|due| reading.selected > *due).is_some() {
-            findings
-                .add(Violation::FaultUnnoticed, reading.selected, || "Dpr must be in its safe state, and it is read".to_owned());
+            findings.add(Violation::FaultUnnoticed, reading.selected, || {
+                "Dpr must be in its safe state, and it is read".to_owned()
+            });
         }
         let Some(Ok(link)) = &reading.link else { return };
         if link.status.flash_fault() {
@@ -131,7 +132,9 @@ impl Integrity {
             }
         }
         if let Some(due) = self.supply_due[Board::Horus as usize].take_if(|due| now > *due) {
-            findings.add(Violation::FaultUnnoticed, due, || "Horus must be in its safe state, and its field is on".to_owned());
+            findings.add(Violation::FaultUnnoticed, due, || {
+                "Horus must be in its safe state, and its field is on".to_owned()
+            });
         }
         self.stuck.take_if(|stuck| now > stuck.until);
     }
