@@ -306,7 +306,7 @@ pub const FLASH_PASS_SHORTEST: u64 = 400_000_000;
 /// The greatest time, ms, by which Port-Status may be older than Link-Status of the same image.
 pub const PORT_BEFORE_LINK_MS: u32 = 25;
 /// The causes of a safe state, as the DPR's firmware codes them (`firmware_common::last_stop`).
-pub const STOP_CAUSES: std::ops::RangeInclusive<u32> = 1..=14;
+pub const STOP_CAUSES: std::ops::RangeInclusive<u32> = 1..=15;
 /// The longest time from a bit flip in HORUS's flash until its field is off: two passes over the flash, 9.1 s for the
 /// largest program allowed, and a margin for missing idle time.
 pub const HORUS_FLASH_FOUND: u64 = 10_000_000_000;
