@@ -17,10 +17,11 @@ const CHANGES: [(&str, &str, &str); 6] = [
 
 fn main() {
     let board = |feature: &str| env::var_os(format!("CARGO_FEATURE_{feature}")).is_some();
-    let (firmware, scripts): (_, &[_]) = match (board("DPR"), board("HORUS")) {
-        (true, false) => ("dpr-fw", &["memory.x", "hot.x"]),
-        (false, true) => ("horus-tx-fw", &["memory.x"]),
-        // On the host no suite is built. A build for two boards at once would have no common layout.
+    let (firmware, scripts): (_, &[_]) = match (board("DPR"), board("HORUS"), board("HOLD")) {
+        (true, false, false) => ("dpr-fw", &["memory.x", "hot.x"]),
+        (false, true, false) => ("horus-tx-fw", &["memory.x"]),
+        (false, false, true) => ("hold-fw", &["memory.x"]),
+        // On the host no suite is built, and a build for several boards at once has no common layout.
         _ => return,
     };
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));

@@ -102,7 +102,7 @@ fn the_link_recovers_from_drawn_hangs_without_a_violation() {
         (Clock::Pessimistic, 3, &among, 6),
     ] {
         let change = |setup: &mut Setup| (setup.clock, setup.writes) = (clock, true);
-        let Some(report) = report_of_setup(10_000 * MS, gps, kinds, seed, change) else { return };
+        let Some(report) = report_of_setup(15_000 * MS, gps, kinds, seed, change) else { return };
         let faults = &report.faults;
         assert_eq!(report.violations, [""; 0], "{clock} clock, {gps} receivers, seed {seed}");
         assert_eq!(faults.invalid_shown_valid, 0);

@@ -111,8 +111,8 @@ fn a_supply_that_fails_while_the_dpr_logs_causes_no_panic() {
     field_on(&mut warm);
     run_dpr(&mut warm, 1_000 * MS);
     let mut interrupted = 0;
-    // The DPR logs a line once a second, 19.73 ms after the full second, because its start takes that long.
-    for after in (1_019_680..1_019_780).step_by(2) {
+    // The DPR writes its log line once a second, 19.87 ms after the second, because its start takes that long.
+    for after in (1_019_820..1_019_920).step_by(2) {
         let mut node = warm.clone();
         run_dpr(&mut node, after * US);
         node.supply(2_564_999, 0);

@@ -101,7 +101,7 @@ impl Hold {
     }
 
     /// Does one step of the temperature control in cycle `tick`. Returns Hold-Status and what heater, cooler and lock
-    /// must do. Takes the greatest shock out of `readings`. The time that this takes does not depend on the values.
+    /// must do. Takes the greatest shock out of `readings`. The time is bounded (docs/timing.md#hold-64-mhz).
     pub fn cycle(&mut self, tick: u32, readings: &mut Readings, supply: Option<f32>) -> (HoldStatus, Outputs) {
         if let Some(shock) = readings.shock.take() {
             self.greatest_shock = Some(self.greatest_shock.unwrap_or(0.0).max(shock));

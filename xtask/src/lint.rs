@@ -8,7 +8,7 @@ use anyhow::{Result, ensure};
 
 use crate::test::Steps;
 use crate::workspace::{FLIP_LINK, TARGET, cargo, check, install};
-use crate::{Board, Receivers, citations, style};
+use crate::{Board, Image, Receivers, citations, style};
 
 pub(crate) fn lint() -> Result<ExitCode> {
     install(&FLIP_LINK)?;
@@ -49,8 +49,8 @@ pub(crate) fn lint() -> Result<ExitCode> {
     }
     let hold = ["clippy", "--quiet", "--package", "hold-fw", "--release", "--target", TARGET, "--", "-D", "warnings"];
     step(format!("clippy (hold-fw for {TARGET})"), &hold);
-    // Each on-target suite has a feature of its own name. The suite `failing` fails on purpose, and is only linted.
-    for name in Board::ALL.map(Board::name).into_iter().chain(["failing"]) {
+    // Each suite has a feature with the suite's name; the last suite fails on purpose.
+    for name in Image::ALL.map(Image::name).into_iter().chain(["failing"]) {
         let args = [
             "clippy",
             "--quiet",

@@ -157,8 +157,18 @@ pub(crate) enum Image {
     Hold,
 }
 
-#[cfg(feature = "probe")]
 impl Image {
+    pub(crate) const ALL: [Self; 3] = [Self::Dpr, Self::Horus, Self::Hold];
+
+    /// The name on the command line and of the on-target test suite.
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Dpr => "dpr",
+            Self::Horus => "horus",
+            Self::Hold => "hold",
+        }
+    }
+
     /// The board whose microcontroller the image is for.
     pub(crate) const fn board(self) -> Board {
         match self {

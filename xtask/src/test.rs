@@ -9,7 +9,7 @@ use emulator_node::Clock;
 
 use crate::run::Place;
 use crate::workspace::{TARGET, cargo, check, metadata};
-use crate::{Board, ProbeArgs, Receivers, firmware};
+use crate::{Image, ProbeArgs, Receivers, firmware};
 
 #[derive(Args)]
 pub(crate) struct TestArgs {
@@ -20,9 +20,9 @@ pub(crate) struct TestArgs {
     /// all three, one after the other.
     #[arg(long)]
     clock: Option<Clock>,
-    /// Run the on-target suite of this board only, and no host test.
+    /// Run the on-target suite of this board's image only, and no host test.
     #[arg(long, value_enum)]
-    board: Option<Board>,
+    board: Option<Image>,
     /// Run the on-target suites only, and no host test.
     #[arg(long)]
     on_target: bool,
@@ -141,26 +141,26 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
             check("cargo test", cargo().args(["test", "--quiet", "--package", "dpr-fw", "--features", "hold"]))
         });
     }
-    for board in args.board.map_or(Board::ALL.to_vec(), |board| vec![board]) {
+    for suite in args.board.map_or(Image::ALL.to_vec(), |suite| vec![suite]) {
         if args.on == Place::Hardware {
-            let what = format!("on-target suite of {}", board.name());
-            steps.run(&what, || on_target(&runner, board, None, &args.probe));
+            let what = format!("on-target suite of {}", suite.name());
+            steps.run(&what, || on_target(&runner, suite, None, &args.probe));
             continue;
         }
         for clock in args.clock.map_or(vec![Clock::Fast, Clock::Optimistic, Clock::Pessimistic], |clock| vec![clock]) {
-            let what = format!("on-target suite of {}, {clock} clock", board.name());
-            steps.run(&what, || on_target(&runner, board, Some(clock), &args.probe));
+            let what = format!("on-target suite of {}, {clock} clock", suite.name());
+            steps.run(&what, || on_target(&runner, suite, Some(clock), &args.probe));
         }
     }
     Ok(steps.verdict("test"))
 }
 
-/// Runs one board's defmt-test suite: on the bench with `clock`, for which the suite is built because its bounds depend
+/// Runs the defmt-test suite of one image: on the bench with `clock`, for which the suite is built because its bounds depend
 /// on the clock, or on the real board without a clock. `runner` is the path of this program.
-fn on_target(runner: &Path, board: Board, clock: Option<Clock>, probe: &ProbeArgs) -> Result<()> {
+fn on_target(runner: &Path, suite: Image, clock: Option<Clock>, probe: &ProbeArgs) -> Result<()> {
     crate::workspace::install(&crate::workspace::FLIP_LINK)?;
     let runner = runner.to_str().with_context(|| format!("{} is not Unicode", runner.display()))?;
-    let mut runner = vec![runner.to_owned(), "run".into(), "--board".into(), board.name().into()];
+    let mut runner = vec![runner.to_owned(), "run".into(), "--board".into(), suite.board().name().into()];
     match clock {
         Some(clock) => runner.extend(["--clock".into(), clock.to_string()]),
         None => {
@@ -184,12 +184,12 @@ fn on_target(runner: &Path, board: Board, clock: Option<Clock>, probe: &ProbeArg
             "--package",
             "on-target-tests",
             "--test",
-            board.name(),
+            suite.name(),
             "--release",
             "--target",
             TARGET,
             "--features",
-            board.name(),
+            suite.name(),
         ])
         // The runner is given as a list, because its path may contain a space. JSON and TOML write such a list in the
         // same way.

@@ -320,8 +320,8 @@ pub const FLASH_PASS_LONGEST: u64 = 9_000_000_000;
 pub const FLASH_PASS_SHORTEST: u64 = 400_000_000;
 /// How much older than Link-Status, ms, Port-Status of the same image may be.
 pub const PORT_BEFORE_LINK_MS: u32 = 25;
-/// The codes of the causes of a safe state in the DPR's firmware (`firmware_common::last_stop`).
-pub const STOP_CAUSES: std::ops::RangeInclusive<u32> = 1..=14;
+/// The causes of a safe state, as the DPR's firmware codes them (`firmware_common::last_stop`).
+pub const STOP_CAUSES: std::ops::RangeInclusive<u32> = 1..=15;
 /// The longest time from a bit flip in HORUS's flash until its field is off: two passes over the flash, 9.1 s for the
 /// largest program allowed, and a margin for missing idle time.
 pub const HORUS_FLASH_FOUND: u64 = 10_000_000_000;

@@ -242,11 +242,13 @@ violations! {
     HorusRestarted = "HORUS restarted unasked",
     /// The DPR restarted although the bench did not ask for it.
     DprRestarted = "the DPR restarted unasked",
-    /// The bench stopped HORUS's core, and the watchdog did not restart HORUS within its longest time.
-    // Shows SAFE-1, SAFE-2.
+    /// The bench stopped HORUS's core or ran a task out of turn, and the watchdog did not restart HORUS within
+    /// its longest time.
+    // Shows SAFE-1, SAFE-2, SAFE-16.
     HorusStaysHung = "HORUS hangs, and its watchdog does not restart it",
-    /// The bench stopped the DPR's core, and the watchdog did not restart the DPR within its longest time.
-    // Shows SAFE-1.
+    /// The bench stopped the DPR's core or ran a task out of turn, and the watchdog did not restart the DPR within
+    /// its longest time.
+    // Shows SAFE-1, SAFE-16.
     DprStaysHung = "the DPR hangs, and its watchdog does not restart it",
     /// HORUS did something that its microcontroller does not allow.
     HorusFinding = "HORUS did what its part does not allow",
