@@ -9,6 +9,7 @@
 
 mod board_events;
 mod campaign;
+pub mod coverage;
 mod debugged;
 mod downstream;
 pub mod flips;
