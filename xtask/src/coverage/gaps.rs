@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::AddAssign;
 
+use anyhow::{Result, ensure};
 use cortex_m4::coverage::{Flow, Record, Seen};
 
 use super::image::Image;
@@ -186,12 +187,16 @@ impl Coverage {
 }
 
 /// Compares an image with the record of what was executed of it.
+///
+/// # Errors
+///
+/// Not one instruction was executed. A run that does not run is no evidence.
 pub(super) fn coverage(
     image: &Image,
     record: &Record,
     origins: &BTreeMap<u32, Origin>,
     sources: &BTreeMap<String, Source>,
-) -> Coverage {
+) -> Result<Coverage> {
     let doomed = doomed(image, is_panic);
     let mut coverage = Coverage::default();
     for (&address, instruction) in &image.code {
@@ -226,7 +231,9 @@ pub(super) fn coverage(
         };
         coverage.gaps.extend(missing.into_iter().map(gap));
     }
-    coverage
+    let Count { seen, all } = coverage.sum(|_| true).instructions;
+    ensure!(seen > 0, "{seen} of {all} instructions were executed");
+    Ok(coverage)
 }
 
 /// The outcomes of an instruction's condition and what is missing without them; `None` if it has no condition.
@@ -255,5 +262,57 @@ fn part(function: &str, doomed: bool, origin: &Origin, sources: &BTreeMap<String
         }
     } else {
         Part::Library
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const START: u32 = 0x100;
+
+    /// `cmp r0, #0; beq` over the next; `nop; bx lr`, with each instruction on a line of its own.
+    fn image() -> (Image, BTreeMap<u32, Origin>) {
+        let image = Image::of(START, &[0x2800, 0xD000, 0xBF00, 0x4770], &[]);
+        let place = |address: u32| Place { file: "dpr-fw/src/link.rs".into(), line: (address - START) / 2 + 1 };
+        let origin = |address: u32| Origin { places: vec![place(address)], logs: false };
+        let origins = image.code.keys().map(|address| (*address, origin(*address))).collect();
+        (image, origins)
+    }
+
+    #[test]
+    fn an_image_that_executes_nothing_fails() {
+        let (image, origins) = image();
+        let record = Record::new(image.areas.clone());
+        let error = coverage(&image, &record, &origins, &BTreeMap::new()).unwrap_err();
+        assert_eq!(error.to_string(), "0 of 4 instructions were executed");
+    }
+
+    #[test]
+    fn a_part_without_instructions_has_no_share() {
+        assert_eq!(Count::default().percent(), 0.0);
+        assert_eq!(Count { seen: 1, all: 4 }.percent(), 25.0);
+    }
+
+    #[test]
+    fn instructions_of_the_log_and_of_panics_are_parts_of_their_own() {
+        let (_, origins) = image();
+        let origin = &origins[&START];
+        let logs = Source { logs: [1].into(), ..Source::default() };
+        let sources = [("dpr-fw/src/link.rs".to_owned(), logs)].into();
+        assert_eq!(part("judge", false, origin, &BTreeMap::new()), Part::Deciding);
+        assert_eq!(part("judge", false, origin, &sources), Part::Log);
+        assert_eq!(part("judge", true, origin, &sources), Part::Panic);
+        assert_eq!(part("core::fmt::write", false, &Origin::default(), &sources), Part::Log);
+        assert_eq!(part("__aeabi_memcpy", false, &Origin::default(), &sources), Part::Library);
+    }
+
+    #[test]
+    fn both_outcomes_of_a_branch_and_of_a_block_are_asked_for() {
+        let seen = Seen { executed: true, passed: true, failed: false };
+        assert_eq!(outcomes(Flow::On, false, seen), None);
+        let branch = outcomes(Flow::Either(0), false, seen).unwrap();
+        assert_eq!(branch, ([true, false], [Missing::Taken, Missing::NotTaken]));
+        assert_eq!(outcomes(Flow::On, true, seen).unwrap().1[1], Missing::Skipped);
     }
 }

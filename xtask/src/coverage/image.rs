@@ -44,6 +44,8 @@ pub(super) struct Image {
     pub(super) functions: Vec<Function>,
     /// Each instruction by its address.
     pub(super) code: BTreeMap<u32, Instruction>,
+    /// The address of the program's CRC, 0 if the image has none.
+    pub(super) program_crc: u32,
     /// The ELF file.
     pub(super) elf: Vec<u8>,
 }
@@ -65,11 +67,13 @@ impl Image {
         }
         let mut marks = Vec::new();
         let mut functions = Vec::new();
+        let mut program_crc = 0;
         for symbol in file.symbols() {
             let (Ok(name), address) = (symbol.name(), u32::try_from(symbol.address())?) else { continue };
             match name.split('.').next() {
                 Some("$t") => marks.push((address, true)),
                 Some("$d") => marks.push((address, false)),
+                Some("__program_crc") => program_crc = address,
                 _ if symbol.kind() == SymbolKind::Text && symbol.size() > 0 => {
                     let (start, size) = (address & !1, u32::try_from(symbol.size())?);
                     let name = format!("{:#}", rustc_demangle::demangle(name));
@@ -81,7 +85,7 @@ impl Image {
         marks.sort_unstable();
         functions.sort_by(|a, b| (a.start, &a.name).cmp(&(b.start, &b.name)));
         functions.dedup_by_key(|function| function.start);
-        let mut image = Self { areas, functions, ..Self::default() };
+        let mut image = Self { areas, functions, program_crc, ..Self::default() };
         image.decode(&marks);
         drop(file);
         ensure!(!image.code.is_empty(), "no function in it has symbols");
@@ -148,5 +152,31 @@ impl Image {
         let mut targets: Vec<u32> = (start..end).step_by(1 + usize::from(halves)).filter_map(entry).collect();
         targets.retain(|target| *target >= end);
         targets
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn code_is_told_from_data_and_from_padding() {
+        // b to the code behind the data; nop, which is padding; data; nop, which is reached; bx lr.
+        let image = Image::of(0x100, &[0xE003, 0xBF00, 0xD1FD, 0xD1FD, 0xBF00, 0x4770], &[0x104, 0x108]);
+        assert_eq!(image.code.keys().copied().collect::<Vec<_>>(), [0x100, 0x108, 0x10A]);
+        assert_eq!(image.code[&0x100].flow, Flow::To(0x10A));
+    }
+
+    #[test]
+    fn the_instructions_of_a_block_are_conditional_and_those_behind_are_not() {
+        // cmp r0, #1; ite eq; moveq r1, #7; movne r1, #9; bx lr.
+        let image = Image::of(0x100, &[0x2801, 0xBF0C, 0x2107, 0x2109, 0x4770], &[]);
+        let in_block: Vec<_> = image.code.values().map(|instruction| instruction.in_block).collect();
+        assert_eq!(in_block, [false, false, true, true, false]);
+    }
+
+    #[test]
+    fn a_file_without_functions_is_refused() {
+        assert!(Image::parse(b"no ELF".to_vec()).is_err());
     }
 }

@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
+use std::ops::RangeInclusive;
 
 use addr2line::gimli;
 use anyhow::{Context, Result};
@@ -67,8 +68,16 @@ pub(super) fn origins(image: &Image) -> Result<BTreeMap<u32, Origin>> {
 pub(super) struct Source {
     /// The lines of calls of the logger's macros.
     pub(super) logs: BTreeSet<u32>,
-    /// Each explanation: its own line, the lines that it explains, and the reason.
-    pub(super) explained: Vec<(u32, std::ops::RangeInclusive<u32>, String)>,
+    pub(super) explained: Vec<Explanation>,
+}
+
+/// A comment that says why lines are not covered.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Explanation {
+    /// The comment's own line.
+    pub(super) at: u32,
+    /// The lines that it explains.
+    pub(super) lines: RangeInclusive<u32>,
 }
 
 /// The beginning of a comment that explains why the item, statement or arm below it is not covered.
@@ -81,12 +90,10 @@ pub(super) fn read(text: &str) -> Source {
     let mut source = Source::default();
     for (index, line) in lines.iter().enumerate() {
         let number = index as u32 + 1;
-        if let Some(reason) = line.trim_start().strip_prefix(EXPLANATION) {
-            let more = lines[index + 1..].iter().map_while(|line| line.trim_start().strip_prefix("// "));
-            let more: Vec<&str> = more.collect();
-            let from = index + 1 + more.len();
-            let reason = std::iter::once(reason).chain(more).collect::<Vec<_>>().join(" ");
-            source.explained.push((number, from as u32 + 1..=end_of(&lines, from), reason));
+        if line.trim_start().starts_with(EXPLANATION) {
+            let more = lines[index + 1..].iter().take_while(|line| line.trim_start().starts_with("//"));
+            let from = index + 1 + more.count();
+            source.explained.push(Explanation { at: number, lines: from as u32 + 1..=end_of(&lines, from) });
         }
         if line.contains("defmt::") && line.contains("!(") {
             source.logs.extend(number..=end_of(&lines, index));
@@ -108,4 +115,25 @@ fn end_of(lines: &[&str], from: usize) -> u32 {
         }
     }
     lines.len() as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_explanation_holds_to_the_end_of_what_stands_below_it() {
+        let text = "fn f() {\n    // Not covered: no test can.\n    // It would take a year.\n    if x {\n        y();\n    \
+                    }\n    z();\n    // Not covered: of the arm.\n    A => 1,\n}\n";
+        let explained = read(text).explained;
+        assert_eq!(explained[0], Explanation { at: 2, lines: 4..=6 });
+        assert_eq!(explained[1], Explanation { at: 8, lines: 9..=9 });
+        assert_eq!(explained.len(), 2);
+    }
+
+    #[test]
+    fn the_lines_of_a_message_are_those_of_the_macro() {
+        let text = "a();\ndefmt::warn!(\n    \"{=u32}\",\n    b()\n);\nc();\ndefmt::info!(\"d\");\n";
+        assert_eq!(read(text).logs, [2, 3, 4, 5, 7].into());
+    }
 }
