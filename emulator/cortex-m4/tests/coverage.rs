@@ -29,7 +29,7 @@ fn seen(code: &[u16], cycles: u64) -> (Vec<Seen>, Board) {
 }
 
 #[test]
-fn a_loop_goes_both_ways_and_what_it_jumps_over_is_never_executed() {
+fn a_loop_goes_both_ways_and_what_it_skips_never_executes() {
     // movs r0, #3; subs r0, #1; bne back to it; b over the next; nop; itself.
     let (seen, _) = seen(&[0x2003, 0x3801, 0xD1FD, 0xE000, 0xBF00, STAY], 100);
     assert_eq!(seen, [RUN, RUN, BOTH, RUN, NEVER, RUN]);

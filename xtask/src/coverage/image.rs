@@ -99,7 +99,7 @@ impl Image {
         let end = start + bytes.len() as u32;
         let function = Function { name: "all".to_owned(), start, end };
         let mut image = Self { areas: vec![(start, bytes)], functions: vec![function], ..Self::default() };
-        let marks: Vec<_> = std::iter::once(start).chain(data.iter().copied()).zip([true, false].into_iter().cycle());
+        let marks = std::iter::once(start).chain(data.iter().copied()).zip([true, false].into_iter().cycle());
         image.decode(&marks.collect::<Vec<_>>());
         image
     }

@@ -20,7 +20,8 @@ pub(super) fn doomed(image: &Image, panics: impl Fn(&str) -> bool) -> BTreeSet<u
         // Backwards, since most paths lead to higher addresses.
         for (&address, instruction) in image.code.iter().rev() {
             let next = address + instruction.size;
-            if panics[instruction.function] || is_doomed(instruction, next, &doomed) {
+            let traps = image.code.get(&next).is_some_and(|next| next.flow == Flow::Stop);
+            if panics[instruction.function] || is_doomed(instruction, next, traps, &doomed) {
                 doomed.insert(address);
             }
         }
@@ -30,16 +31,19 @@ pub(super) fn doomed(image: &Image, panics: impl Fn(&str) -> bool) -> BTreeSet<u
     }
 }
 
-fn is_doomed(instruction: &Instruction, next: u32, doomed: &BTreeSet<u32>) -> bool {
+/// Whether `instruction` is doomed if the instructions in `doomed` are. `traps` tells that the one at `next` faults: the
+/// compiler puts that behind a call of a function that never returns, such as the one of the safe state.
+fn is_doomed(instruction: &Instruction, next: u32, traps: bool, doomed: &BTreeSet<u32>) -> bool {
     let is = |address: u32| doomed.contains(&(address & !1));
     // What an IT block skips is followed by the next instruction.
     let skipped = !instruction.in_block || is(next);
     skipped
         && match instruction.flow {
-            Flow::On | Flow::Block(_) | Flow::CallRegister => is(next),
+            Flow::On | Flow::Block(_) => is(next),
+            Flow::CallRegister => !traps && is(next),
             Flow::Either(target) => is(target) && is(next),
             Flow::To(target) => is(target),
-            Flow::Call(target) => is(target) || is(next),
+            Flow::Call(target) => is(target) || !traps && is(next),
             Flow::Table(_) => !instruction.table.is_empty() && instruction.table.iter().all(|target| is(*target)),
             Flow::Elsewhere => false,
             Flow::Stop => true,
@@ -66,8 +70,14 @@ mod tests {
     fn a_call_dooms_if_its_function_or_what_follows_does() {
         // bl to the last; bx lr; nop; the last: udf.
         assert_eq!(doomed_of(&[0xF000, 0xF802, 0x4770, 0xBF00, 0xDE00]), [0, 4]);
-        // bl to the last; udf; the last: bx lr.
-        assert_eq!(doomed_of(&[0xF000, 0xF801, 0xDE00, 0x4770]), [0, 2]);
+        // bl to the last; nop; udf; the last: bx lr.
+        assert_eq!(doomed_of(&[0xF000, 0xF802, 0xBF00, 0xDE00, 0x4770]), [0, 2, 3]);
+    }
+
+    #[test]
+    fn a_call_of_what_never_returns_is_no_panic_by_itself() {
+        // bl to the last; udf, which the compiler adds; the last: b to itself.
+        assert_eq!(doomed_of(&[0xF000, 0xF801, 0xDE00, 0xE7FE]), [2]);
     }
 
     #[test]
