@@ -12,6 +12,7 @@ mod bench_flash;
 mod bench_probe;
 mod campaign;
 mod citations;
+mod coverage;
 mod defects;
 #[cfg(test)]
 mod design;
@@ -105,6 +106,9 @@ enum Command {
     Defects(defects::DefectsArgs),
     /// Trace each requirement to its evidence and to what broke it; writes docs/safety/trace.md.
     Trace(trace::TraceArgs),
+    /// Object-code coverage of the flight images: what the bench's runs executed of them, and which branches went both
+    /// ways.
+    Coverage(coverage::CoverageArgs),
     /// Package the crates that others can use, and build each from its tarball.
     Package,
     /// Compare the bench's core with QEMU (qemu-system-arm) and with LLVM's disassembler (llvm-tools), case by case.
@@ -347,6 +351,7 @@ fn dispatch(command: Command) -> Result<ExitCode> {
         Command::Fuzz(args) => fuzz::fuzz(&args),
         Command::Defects(args) => defects::defects(&args),
         Command::Trace(args) => trace::trace(&args),
+        Command::Coverage(args) => coverage::coverage(&args),
         Command::Oracle(args) => oracle::oracle(&args),
     }
 }

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use base_station::alarm::{Alarm, Alarms};
 use bench_judge::{Board as Side, Bytes, Disturbance, Event, Findings, Header, Log, SsiEvent, Verdict, What};
 use cortex_m4::Cost;
+use cortex_m4::coverage::Record;
 use gnss_sim::Flight;
 use nrf52840::SpisEvent;
 use profile::Uplink;
@@ -128,6 +129,13 @@ impl<C: Cost> Link<C> {
 
     pub(super) fn horus_lines(&mut self, now: u64) -> impl Iterator<Item = LogLine> {
         std::iter::from_fn(move || self.horus_lines.pop_front_if(|line| line.at <= now))
+    }
+
+    /// Notes what the hold executes in `record`, see [`Node::set_record`].
+    pub(super) fn set_hold_record(&mut self, record: &Arc<Record>) {
+        if let Some(hold) = &mut self.hold {
+            hold.set_record(record);
+        }
     }
 
     /// Takes the log lines of the hold since the last call.

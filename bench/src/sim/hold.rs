@@ -14,8 +14,11 @@
 //! So the hold is nearly always 150 µs ahead, and the two go in steps of a few microseconds only while the DPR answers.
 //! The instants of the steps follow from these rules alone, and so does the run.
 
+use std::sync::Arc;
+
 use bench_judge::{Bytes, Cause, HoldEvent, HoldFrame, What};
 use cortex_m4::Cost;
+use cortex_m4::coverage::Record;
 use profile::HoldStatus;
 use profile::criticality::{ActiveLoad, Writer};
 use st25r3916_model::{Air, AirEvent, AirFaults, AnswerFaults, AnswerPath, Chip, ForeignCard};
@@ -98,6 +101,10 @@ impl<C: Cost> Beside<C> {
 
     pub(super) fn node(&mut self) -> &mut Node<Hold, C> {
         &mut self.node
+    }
+
+    pub(super) fn set_record(&mut self, record: &Arc<Record>) {
+        self.node.set_record(record.clone());
     }
 
     /// The instant, ns, beyond which the DPR must not go before [`Beside::act`] was called.

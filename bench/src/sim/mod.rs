@@ -8,6 +8,7 @@
 //! with exact results, but the DPR never runs ahead of HORUS. [`Bench`] holds the whole bench as plain data.
 
 mod board_events;
+pub mod coverage;
 mod debugged;
 mod downstream;
 pub mod flips;

@@ -1,9 +1,11 @@
 //! The state of a core and its public interface.
 
 use std::marker::PhantomData;
+use std::sync::Arc;
 
 use crate::Cost;
 use crate::code::Code;
+use crate::coverage::Record;
 use crate::flags::Flags;
 use crate::system::System;
 use crate::watch::Watch;
@@ -149,6 +151,7 @@ pub struct Core<C: Cost> {
     pub(crate) in_fault: bool,
     pub(crate) watch: Watch,
     pub(crate) watchpoints: Watchpoints,
+    pub(crate) record: Option<Arc<Record>>,
     pub(crate) cost: PhantomData<C>,
 }
 
@@ -232,6 +235,7 @@ impl<C: Cost> Core<C> {
             in_fault: false,
             watch: Watch::default(),
             watchpoints: Watchpoints::default(),
+            record: None,
             cost: PhantomData,
         }
     }

@@ -83,6 +83,7 @@ mod bus;
 mod code;
 mod core;
 mod cost;
+pub mod coverage;
 mod decode;
 mod describe;
 mod exception;

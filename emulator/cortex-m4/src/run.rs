@@ -183,6 +183,7 @@ impl<C: Cost> Core<C> {
     fn execute_until_limit<B: Bus>(&mut self, bus: &mut B, code: &mut Code, single: bool) {
         let careful = single || self.passed.is_some() || self.refused_call.is_some();
         let careful = careful || self.ici != 0;
+        let one_by_one = careful || self.record.is_some();
         self.note_short_way();
         loop {
             let pc = self.r[15];
@@ -193,12 +194,12 @@ impl<C: Cost> Core<C> {
             let place = code.page(bus, pc);
             let page = code.at(place);
             let kind = page.kind();
-            if !careful && kind != Kind::Compared && !never_executable(pc) && self.mpu_opens_page(pc, PAGE_BITS) {
+            if !one_by_one && kind != Kind::Compared && !never_executable(pc) && self.mpu_opens_page(pc, PAGE_BITS) {
                 self.burst(bus, page);
             } else {
                 let op = *page.op(pc);
                 let op = self.careful_op(bus, code, pc, op, kind != Kind::Compared);
-                self.single(bus, &op);
+                self.single_noted(bus, &op);
                 if careful {
                     return;
                 }
@@ -432,7 +433,7 @@ impl<C: Cost> Core<C> {
 
     /// Executes `op`, which is at r15, inside or outside an IT block.
     #[inline(never)]
-    fn single<B: Bus>(&mut self, bus: &mut B, op: &Op) {
+    pub(crate) fn single<B: Bus>(&mut self, bus: &mut B, op: &Op) {
         let (it, pc) = (self.it, self.r[15]);
         self.count_fetch(bus, op, pc);
         if it != 0 && !self.begins_in_block(bus, op) {

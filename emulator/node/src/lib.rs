@@ -39,6 +39,7 @@
 mod access_port;
 mod any;
 mod board;
+mod coverage;
 mod debugger;
 mod digest;
 mod error;

@@ -1,0 +1,197 @@
+//! The record of executed instructions, for the object-code coverage of a firmware.
+//!
+//! A [`Record`] holds a copy of the code whose execution is of interest. A core with a record ([`Core::set_record`])
+//! executes one instruction at a time and notes each one that it completed, with the outcome of its condition if it has
+//! one. A core without a record is as fast as if there were none. The run is the same either way.
+//!
+//! An instruction counts only if memory held what the record's copy holds. Code that an upset or a defect changed
+//! is therefore not taken for the firmware's own.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
+
+use crate::decode;
+use crate::op::{Do, Op};
+use crate::{Bus, Core, Cost};
+
+const EXECUTED: u8 = 1;
+const PASSED: u8 = 2;
+const FAILED: u8 = 4;
+
+/// What is known of one instruction.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Seen {
+    /// The instruction was completed at least once. An instruction of an IT block that was only skipped was not.
+    pub executed: bool,
+    /// Its condition was true at least once: the branch was taken, or the instruction of an IT block was executed.
+    pub passed: bool,
+    /// Its condition was false at least once.
+    pub failed: bool,
+}
+
+/// The executed instructions of one firmware, over all cores that share the record, on any threads.
+#[derive(Debug, Default)]
+pub struct Record(Vec<Area>);
+
+#[derive(Debug)]
+struct Area {
+    start: u32,
+    code: Vec<u16>,
+    seen: Vec<AtomicU8>,
+}
+
+impl Area {
+    fn place(&self, address: u32) -> Option<usize> {
+        let place = (address.wrapping_sub(self.start) >> 1) as usize;
+        (place < self.code.len()).then_some(place)
+    }
+}
+
+impl Record {
+    /// Makes an empty record of areas of code, each with its even address at run time and its bytes. An odd last byte
+    /// is left out.
+    pub fn new(areas: impl IntoIterator<Item = (u32, Vec<u8>)>) -> Self {
+        let area = |(start, bytes): (u32, Vec<u8>)| {
+            let code: Vec<u16> = bytes.as_chunks().0.iter().map(|bytes| u16::from_le_bytes(*bytes)).collect();
+            let seen = code.iter().map(|_| AtomicU8::new(0)).collect();
+            Area { start, code, seen }
+        };
+        Self(areas.into_iter().map(area).collect())
+    }
+
+    /// What is known of the instruction that begins at `address`. Nothing is known of one outside the areas.
+    #[must_use]
+    pub fn seen(&self, address: u32) -> Seen {
+        let bits = self.0.iter().find_map(|area| Some(area.seen[area.place(address)?].load(Relaxed))).unwrap_or(0);
+        Seen { executed: bits & EXECUTED != 0, passed: bits & PASSED != 0, failed: bits & FAILED != 0 }
+    }
+
+    fn note<B: Bus>(&self, bus: &mut B, pc: u32, size: u8, bits: u8) {
+        let Some((area, place)) = self.0.iter().find_map(|area| Some((area, area.place(pc)?))) else { return };
+        if area.seen[place].load(Relaxed) & bits == bits {
+            return;
+        }
+        let mut halfwords = (pc..pc + u32::from(size)).step_by(2).zip(area.code.iter().skip(place));
+        if halfwords.all(|(address, code)| bus.fetch(address) == Ok(*code)) {
+            area.seen[place].fetch_or(bits, Relaxed);
+        }
+    }
+}
+
+/// Where execution can go on after an instruction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Flow {
+    /// At the next instruction.
+    On,
+    /// At the address, or at the next instruction: a conditional branch.
+    Either(u32),
+    /// At the address.
+    To(u32),
+    /// At the function at this address, and at the next instruction when it returns.
+    Call(u32),
+    /// At the next instruction, after a function whose address is in a register.
+    CallRegister,
+    /// At an entry of the table behind the instruction: of halfwords if the value is true, else of bytes.
+    Table(bool),
+    /// At an address that the instruction alone does not tell: a return, or a jump to a register's value.
+    Elsewhere,
+    /// At the next instruction. The next one to four are an IT block; this is the state for [`conditional`].
+    Block(u8),
+    /// Nowhere: the encoding is undefined or is `BKPT`, so the instruction faults.
+    Stop,
+}
+
+/// Returns the size, in bytes, and the [`Flow`] of the instruction at `address`. `second` counts only if `first` begins
+/// a 32-bit instruction.
+#[must_use]
+pub fn flow(address: u32, first: u16, second: u16) -> (u32, Flow) {
+    let op = if decode::is_wide(first) { decode::wide(address, first, second) } else { decode::narrow(address, first) };
+    (if decode::is_wide(first) { 4 } else { 2 }, flow_of(&op))
+}
+
+fn flow_of(op: &Op) -> Flow {
+    match op.what {
+        Do::B { target } => Flow::To(target),
+        Do::BEq { target }
+        | Do::BNe { target }
+        | Do::BCs { target }
+        | Do::BCc { target }
+        | Do::BHi { target }
+        | Do::BLs { target }
+        | Do::BGe { target }
+        | Do::BLt { target }
+        | Do::BGt { target }
+        | Do::BLe { target }
+        | Do::BCond { target, .. }
+        | Do::Cbz { target, .. }
+        | Do::Cbnz { target, .. } => Flow::Either(target),
+        Do::Bl { target } => Flow::Call(target),
+        Do::Blx { .. } => Flow::CallRegister,
+        Do::TableBranch { half, .. } => Flow::Table(half),
+        Do::Bx { .. } | Do::MovToPc { .. } | Do::AddToPc { .. } => Flow::Elsewhere,
+        Do::LdrLiteral { t: 15, .. }
+        | Do::LoadLiteral { t: 15, .. }
+        | Do::Load { t: 15, .. }
+        | Do::LoadReg { t: 15, .. } => Flow::Elsewhere,
+        Do::Ldm { list, .. } if list >> 15 == 1 => Flow::Elsewhere,
+        Do::It { state } => Flow::Block(state),
+        Do::Fault(_) | Do::Bkpt | Do::HostCall => Flow::Stop,
+        _ => Flow::On,
+    }
+}
+
+/// Returns whether the next instruction of an IT block has a condition that can fail, and the state of the rest of the
+/// block, which is 0 at its end.
+#[must_use]
+pub const fn conditional(state: u8) -> (bool, u8) {
+    (state != 0 && state >> 4 < 14, crate::run::after(state))
+}
+
+impl<C: Cost> Core<C> {
+    /// Notes each completed instruction in `record` from now on; with `None` nothing is noted. A clone of the core
+    /// shares the record.
+    pub fn set_record(&mut self, record: Option<Arc<Record>>) {
+        self.record = record;
+    }
+
+    /// The outcome of the condition of the instruction `op`, which comes next; `None` if it has none.
+    fn outcome(&self, op: &Op) -> Option<bool> {
+        if self.it != 0 {
+            return conditional(self.it).0.then(|| self.passes(self.it >> 4));
+        }
+        let (z, c, less) = (self.flags.z(), self.flags.c, self.flags.less());
+        Some(match op.what {
+            Do::BEq { .. } => z,
+            Do::BNe { .. } => !z,
+            Do::BCs { .. } => c,
+            Do::BCc { .. } => !c,
+            Do::BHi { .. } => c && !z,
+            Do::BLs { .. } => !c || z,
+            Do::BGe { .. } => !less,
+            Do::BLt { .. } => less,
+            Do::BGt { .. } => !less && !z,
+            Do::BLe { .. } => less || z,
+            Do::BCond { condition, .. } => self.passes(condition),
+            Do::Cbz { n, .. } => self.get(n) == 0,
+            Do::Cbnz { n, .. } => self.get(n) != 0,
+            _ => return None,
+        })
+    }
+
+    /// Executes `op` at r15 as [`Core::single`] does, and notes it if there is a record.
+    #[inline(never)]
+    pub(crate) fn single_noted<B: Bus>(&mut self, bus: &mut B, op: &Op) {
+        let Some(record) = self.record.clone().filter(|_| op.size != 0) else { return self.single(bus, op) };
+        let (pc, retired, outcome) = (self.r[15], self.retired, self.outcome(op));
+        self.single(bus, op);
+        if self.retired != retired {
+            let bits = match outcome {
+                None => EXECUTED,
+                Some(true) => EXECUTED | PASSED,
+                Some(false) if matches!(flow_of(op), Flow::Either(_)) => EXECUTED | FAILED,
+                Some(false) => FAILED,
+            };
+            record.note(bus, pc, op.size, bits);
+        }
+    }
+}

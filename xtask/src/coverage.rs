@@ -1,0 +1,257 @@
+//! Object-code coverage of the flight images: which instructions the bench has executed, and which branches went both
+//! ways.
+//!
+//! # Design
+//!
+//! | step | where |
+//! |---|---|
+//! | the bench runs the release images, and each core notes what it executes | `cortex_m4::coverage`, `bench::sim::coverage` |
+//! | the image's instructions are found without executing it | [`image`] |
+//! | the runs | [`runs`] |
+//! | what leads only to a panic is told apart, and so is the log | [`paths`], [`gaps`] |
+//! | instructions are led back to source lines, and their comments read | [`source`] |
+//! | both are compared and printed | [`gaps`], [`report`] |
+//!
+//! A gap is closed by a test on the bench, or explained beside the code by a comment `Not covered`, a colon and the
+//! reason above the statement, arm or item. The command fails on a gap without explanation in code that decides or has
+//! a deadline, and on an explanation of what is covered.
+
+mod gaps;
+mod image;
+mod paths;
+mod report;
+mod runs;
+mod source;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::time::Instant;
+
+use anyhow::{Context, Result, bail};
+use bench::faults::{Board, Kind, Options};
+use bench::sim::coverage::{Records, run};
+use bench::sim::{Images, Setup};
+use clap::Args;
+use cortex_m4::coverage::Record;
+
+use crate::output::Output;
+use crate::workspace::{root, tracked};
+use crate::{Receivers, firmware, sim};
+use gaps::Part;
+use image::Image;
+use report::{Explained, Measured};
+use runs::Run;
+use source::{Place, Source};
+
+/// The page with the totals.
+const PAGE: &str = "docs/safety/coverage.md";
+
+/// How long a copy of the bench runs after an upset, ns. The watchdogs reset a board within 200 ms.
+const AFTER_UPSET: u64 = 400_000_000;
+
+#[derive(Args)]
+pub(crate) struct CoverageArgs {
+    /// Virtual time of each run, in seconds.
+    #[arg(long, default_value_t = 4.0, value_parser = sim::positive_seconds)]
+    seconds: f64,
+    /// The seeds: each kind of fault runs once with each.
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "1")]
+    seeds: Vec<u64>,
+    /// GNSS receivers in the profile: 1, 2, 3 or 5. Each number is a pair of images.
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "3")]
+    gps: Vec<Receivers>,
+    /// Run only these kinds of faults, and the flight without faults; all kinds by default.
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    faults: Option<Vec<Kind>>,
+    /// The number of upsets of RAM, flash and registers, each on a copy of the bench.
+    #[arg(long, value_name = "COUNT", default_value_t = 48)]
+    upsets: usize,
+    /// Write the totals into docs/safety/coverage.md.
+    #[arg(long, conflicts_with = "faults")]
+    write: bool,
+    /// Write every gap as JSON.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// An image with its record.
+struct Flown {
+    name: String,
+    image: Image,
+    record: Arc<Record>,
+}
+
+impl Flown {
+    fn read(name: &str, path: &std::path::Path) -> Result<Self> {
+        let image = Image::read(path)?;
+        let record = Arc::new(Record::new(image.areas.clone()));
+        Ok(Self { name: name.to_owned(), image, record })
+    }
+}
+
+pub(crate) fn coverage(args: &CoverageArgs) -> Result<ExitCode> {
+    let json = args.json.as_deref().map(|path| Output::new("--json", path)).transpose()?;
+    let mut flown = Vec::new();
+    for &gps in &args.gps {
+        flown.extend(fly(args, gps)?);
+    }
+    let sources = sources()?;
+    let measured = flown.iter().map(|flown| measure(flown, &sources)).collect::<Result<Vec<_>>>()?;
+    let explained = explain(&measured, &sources);
+    let summary = report::summary(&measured, &explained);
+    print!("{}\n{summary}", report::text(&measured, &explained));
+    if let Some(json) = json {
+        let text = serde_json::to_string_pretty(&report::json(&measured)).context("the gaps do not serialise")?;
+        std::fs::write(json.path(), text + "\n").context("could not write the gaps")?;
+        json.finish()?;
+    }
+    if args.write {
+        let page = report::page(&command(args), &summary);
+        std::fs::write(root().join(PAGE), page).with_context(|| format!("could not write {PAGE}"))?;
+    }
+    for place in &explained.needless {
+        eprintln!("error: {place}: all that this explains is covered");
+    }
+    if explained.open > 0 {
+        eprintln!("error: {} gaps in deciding code and the deadline path are not explained", explained.open);
+    }
+    let holds = explained.needless.is_empty() && explained.open == 0;
+    Ok(if holds { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// The command line that repeats these runs.
+fn command(args: &CoverageArgs) -> String {
+    let list = |items: Vec<String>| items.join(",");
+    let seeds = list(args.seeds.iter().map(ToString::to_string).collect());
+    let gps = list(args.gps.iter().map(ToString::to_string).collect());
+    let CoverageArgs { seconds, upsets, .. } = args;
+    format!("cargo xtask coverage --seconds {seconds} --seeds {seeds} --gps {gps} --upsets {upsets} --write")
+}
+
+/// Compares an image with its record.
+///
+/// # Errors
+///
+/// It executed nothing: a run that does not run is no evidence.
+fn measure(flown: &Flown, sources: &BTreeMap<String, Source>) -> Result<Measured> {
+    let Flown { name, image, record } = flown;
+    let origins = source::origins(image).with_context(|| format!("{name} has no source lines"))?;
+    let coverage = gaps::coverage(image, record, &origins, sources).with_context(|| name.clone())?;
+    let lines = origins.into_values().flat_map(|origin| origin.places).collect();
+    Ok(Measured { name: name.clone(), functions: image.functions.clone(), coverage, lines })
+}
+
+/// Runs the images for one number of receivers through all runs, without a hold and with one.
+fn fly(args: &CoverageArgs, gps: Receivers) -> Result<Vec<Flown>> {
+    let (horus_elf, dpr_elf) = firmware::build_pair(gps)?;
+    let (with_port, hold_elf) = (firmware::build_dpr_with_hold(gps)?, firmware::build_hold()?);
+    let horus = Flown::read(&format!("horus-tx-fw, n = {gps}"), &horus_elf)?;
+    let dpr = Flown::read(&format!("dpr-fw, n = {gps}"), &dpr_elf)?;
+    let dpr_with_port = Flown::read(&format!("dpr-fw with hold, n = {gps}"), &with_port)?;
+    let hold = Flown::read("hold-fw", &hold_elf)?;
+    let beside = Some((hold_elf, hold.record.clone()));
+    for (flown_dpr, elf, hold) in [(&dpr, dpr_elf, None), (&dpr_with_port, with_port, beside)] {
+        let images = Images { horus: horus_elf.clone(), dpr: elf };
+        let (hold_elf, hold_record) = hold.unzip();
+        let records = Records { horus: horus.record.clone(), dpr: flown_dpr.record.clone(), hold: hold_record };
+        let crcs = [horus.image.program_crc, flown_dpr.image.program_crc];
+        for &seed in &args.seeds {
+            let setup = Setup { seed, writes: true, hold: hold_elf.clone(), ..Setup::new(images.clone(), gps.0, 0) };
+            fly_with(args, setup, &records, crcs)?;
+        }
+    }
+    Ok(vec![horus, dpr, dpr_with_port, hold])
+}
+
+/// Flies all runs of one seed with the images of `setup`.
+fn fly_with(args: &CoverageArgs, setup: Setup, records: &Records, crcs: runs::ProgramCrcs) -> Result<()> {
+    let duration_ns = (args.seconds * 1e9).round() as u64;
+    let with = if setup.hold.is_some() { "with hold" } else { "without hold" };
+    let kinds = args.faults.clone().unwrap_or_else(|| Kind::ALL.to_vec());
+    let kinds: Vec<Kind> = kinds.into_iter().filter(|kind| *kind != Kind::Hold || setup.hold.is_some()).collect();
+    let crcs = args.faults.is_none().then_some(crcs);
+    for Run { name, faults, duration_ns, factory_settings, judged } in
+        runs::runs(&kinds, setup.gps, setup.seed, duration_ns, crcs)
+    {
+        let began = Instant::now();
+        let verdict = run(&Setup { faults, duration_ns, factory_settings, ..setup.clone() }, records)?;
+        let took = began.elapsed().as_secs_f64();
+        eprintln!(
+            "n = {}, seed {}, {with}: {name}, {:.1} s in {took:.1} s",
+            setup.gps,
+            setup.seed,
+            duration_ns as f64 / 1e9
+        );
+        if let Some(first) = verdict.violations.first().filter(|_| judged) {
+            bail!("a run with a violation is no evidence ({name}, {with}): {first}");
+        }
+    }
+    let upsets: Vec<Kind> = kinds.into_iter().filter(|kind| kind.is_upset()).collect();
+    if !upsets.is_empty() && args.upsets > 0 {
+        let options = Options {
+            kinds: upsets,
+            boards: vec![Board::Horus, Board::Dpr],
+            count: args.upsets,
+            per_instant: 12,
+            between: (300_000_000, duration_ns.max(400_000_000)),
+            for_ns: AFTER_UPSET,
+            seed: setup.seed,
+        };
+        let campaign = bench::sim::coverage::campaign(&Setup { duration_ns, ..setup }, &options, records)?;
+        eprintln!("{with}: {} upsets", campaign.trials.len());
+    }
+    Ok(())
+}
+
+/// Finds which gaps the sources explain.
+fn explain(measured: &[Measured], sources: &BTreeMap<String, Source>) -> Explained {
+    let mut explained = Explained::default();
+    let mut used = BTreeSet::new();
+    let gaps = measured.iter().enumerate();
+    let gaps = gaps.flat_map(|(image, measured)| measured.coverage.gaps.iter().map(move |gap| (image, gap)));
+    for (image, gap) in gaps {
+        let of_place = |place: &Place| {
+            let all = sources.get(&place.file)?.explained.iter();
+            let mut fitting = all.filter(|explanation| explanation.lines.contains(&place.line));
+            fitting.next().map(|explanation| Place { file: place.file.clone(), line: explanation.at })
+        };
+        let by = gap.places.iter().find_map(of_place);
+        let known = by.is_some();
+        used.extend(by);
+        if Part::COUNTED.contains(&gap.part) {
+            let count = explained.parts.entry(gap.part).or_default();
+            count.all += 1;
+            count.seen += u64::from(known);
+        }
+        if known {
+            explained.gaps.insert((image, gap.address));
+        } else if gap.part.must_be_explained() {
+            explained.open += 1;
+        }
+    }
+    for (file, source) in sources {
+        for explanation in &source.explained {
+            let at = Place { file: file.clone(), line: explanation.at };
+            let is_flown = |line: u32| {
+                let place = Place { file: file.clone(), line };
+                measured.iter().any(|measured| measured.lines.contains(&place))
+            };
+            if !used.contains(&at) && explanation.lines.clone().any(is_flown) {
+                explained.needless.push(at);
+            }
+        }
+    }
+    explained
+}
+
+/// Reads the sources of this workspace in Rust.
+fn sources() -> Result<BTreeMap<String, Source>> {
+    let files = tracked()?.into_iter().filter(|file| file.ends_with(".rs"));
+    let read = |file: String| {
+        let text = std::fs::read_to_string(root().join(&file)).with_context(|| format!("{file} cannot be read"))?;
+        Ok((file, source::read(&text)))
+    };
+    files.map(read).collect()
+}

@@ -1,0 +1,182 @@
+//! The instructions of a firmware image, found without executing it.
+//!
+//! The symbols `$t` and `$d` tell code from the data between it (AAELF32, "mapping symbols"). Bytes that lie in no
+//! function are padding, and so is a `NOP` that execution cannot reach from the instruction before it.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::{Context, Result, ensure};
+use cortex_m4::coverage::{Flow, conditional, flow};
+use object::{Object, ObjectSection, ObjectSymbol, SectionKind, SymbolKind};
+
+/// `NOP`, with which the compiler fills gaps.
+const NOP: u16 = 0xBF00;
+
+/// An instruction of an image.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Instruction {
+    /// Its size in bytes.
+    pub(super) size: u32,
+    pub(super) flow: Flow,
+    /// Whether it is in an IT block, so that its condition can fail.
+    pub(super) in_block: bool,
+    /// Its function, as an index of [`Image::functions`].
+    pub(super) function: usize,
+    /// The targets of a jump by a table.
+    pub(super) table: Vec<u32>,
+}
+
+/// A function of an image.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Function {
+    pub(super) name: String,
+    pub(super) start: u32,
+    pub(super) end: u32,
+}
+
+/// The code of an image, at the addresses at which it runs.
+#[derive(Debug, Default)]
+pub(super) struct Image {
+    /// The areas that hold code, each with its address and its bytes.
+    pub(super) areas: Vec<(u32, Vec<u8>)>,
+    /// The functions, in order of their addresses.
+    pub(super) functions: Vec<Function>,
+    /// Each instruction by its address.
+    pub(super) code: BTreeMap<u32, Instruction>,
+    /// The address of the program's CRC, 0 if the image has none.
+    pub(super) program_crc: u32,
+    /// The ELF file.
+    pub(super) elf: Vec<u8>,
+}
+
+impl Image {
+    /// Reads the ELF file at `path`.
+    pub(super) fn read(path: &Path) -> Result<Self> {
+        let elf = std::fs::read(path).with_context(|| format!("{} cannot be read", path.display()))?;
+        Self::parse(elf).with_context(|| format!("{} has no code to measure", path.display()))
+    }
+
+    fn parse(elf: Vec<u8>) -> Result<Self> {
+        let file = object::File::parse(&*elf)?;
+        let mut areas = Vec::new();
+        for section in file.sections() {
+            if section.kind() == SectionKind::Text && section.size() > 0 {
+                areas.push((u32::try_from(section.address())?, section.data()?.to_vec()));
+            }
+        }
+        let mut marks = Vec::new();
+        let mut functions = Vec::new();
+        let mut program_crc = 0;
+        for symbol in file.symbols() {
+            let (Ok(name), address) = (symbol.name(), u32::try_from(symbol.address())?) else { continue };
+            match name.split('.').next() {
+                Some("$t") => marks.push((address, true)),
+                Some("$d") => marks.push((address, false)),
+                Some("__program_crc") => program_crc = address,
+                _ if symbol.kind() == SymbolKind::Text && symbol.size() > 0 => {
+                    let (start, size) = (address & !1, u32::try_from(symbol.size())?);
+                    let name = format!("{:#}", rustc_demangle::demangle(name));
+                    functions.push(Function { name, start, end: start + size });
+                }
+                _ => {}
+            }
+        }
+        marks.sort_unstable();
+        functions.sort_by(|a, b| (a.start, &a.name).cmp(&(b.start, &b.name)));
+        functions.dedup_by_key(|function| function.start);
+        let mut image = Self { areas, functions, program_crc, ..Self::default() };
+        image.decode(&marks);
+        drop(file);
+        ensure!(!image.code.is_empty(), "no function in it has symbols");
+        Ok(Self { elf, ..image })
+    }
+
+    /// Makes an image of one function at `start`, for a test.
+    #[cfg(test)]
+    pub(super) fn of(start: u32, code: &[u16], data: &[u32]) -> Self {
+        let bytes: Vec<u8> = code.iter().flat_map(|half| half.to_le_bytes()).collect();
+        let end = start + bytes.len() as u32;
+        let function = Function { name: "all".to_owned(), start, end };
+        let mut image = Self { areas: vec![(start, bytes)], functions: vec![function], ..Self::default() };
+        let marks = std::iter::once(start).chain(data.iter().copied()).zip([true, false].into_iter().cycle());
+        image.decode(&marks.collect::<Vec<_>>());
+        image
+    }
+
+    /// The halfword at `address`, if there is code.
+    fn half(&self, address: u32) -> Option<u16> {
+        self.areas.iter().find_map(|(start, bytes)| {
+            let bytes = bytes.get(address.checked_sub(*start)? as usize..)?;
+            bytes.first_chunk().map(|bytes| u16::from_le_bytes(*bytes))
+        })
+    }
+
+    /// The function that has `address`, as an index.
+    fn function_at(&self, address: u32) -> Option<usize> {
+        let index = self.functions.partition_point(|function| function.start <= address).checked_sub(1)?;
+        (address < self.functions[index].end).then_some(index)
+    }
+
+    /// Decodes the code that `marks` tell, each an address and whether instructions begin there, or data.
+    fn decode(&mut self, marks: &[(u32, bool)]) {
+        let mut found = BTreeMap::new();
+        for (index, &(from, code)) in marks.iter().enumerate().filter(|(_, (_, code))| *code) {
+            debug_assert!(code);
+            let end = marks[index + 1..].iter().map(|(next, _)| *next).find(|next| *next > from).unwrap_or(u32::MAX);
+            let (mut address, mut block, mut reached) = (from, 0, true);
+            while address < end
+                && let Some(first) = self.half(address)
+            {
+                let (size, flow) = flow(address, first, self.half(address + 2).unwrap_or(0));
+                let (in_block, rest) = conditional(block);
+                block = if let Flow::Block(state) = flow { state } else { rest };
+                let table = if let Flow::Table(half) = flow { self.table(address + size, half, marks) } else { vec![] };
+                if let Some(function) = self.function_at(address).filter(|_| reached || first != NOP) {
+                    found.insert(address, Instruction { size, flow, in_block, function, table });
+                    reached = in_block || !matches!(flow, Flow::To(_) | Flow::Elsewhere | Flow::Stop | Flow::Table(_));
+                }
+                address += size;
+            }
+        }
+        self.code = found;
+    }
+
+    /// The targets in the table at `start`. The table ends where code begins again.
+    fn table(&self, start: u32, halves: bool, marks: &[(u32, bool)]) -> Vec<u32> {
+        let end = marks.iter().find(|(address, code)| *code && *address > start).map_or(start, |(address, _)| *address);
+        let entry = |address: u32| {
+            let half = self.half(address & !1)?;
+            Some(start + 2 * u32::from(if halves { half } else { half.to_le_bytes()[address as usize & 1].into() }))
+        };
+        let mut targets: Vec<u32> = (start..end).step_by(1 + usize::from(halves)).filter_map(entry).collect();
+        targets.retain(|target| *target >= end);
+        targets
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn code_is_told_from_data_and_from_padding() {
+        // b to the code behind the data; nop, which is padding; data; nop, which is reached; bx lr.
+        let image = Image::of(0x100, &[0xE003, 0xBF00, 0xD1FD, 0xD1FD, 0xBF00, 0x4770], &[0x104, 0x108]);
+        assert_eq!(image.code.keys().copied().collect::<Vec<_>>(), [0x100, 0x108, 0x10A]);
+        assert_eq!(image.code[&0x100].flow, Flow::To(0x10A));
+    }
+
+    #[test]
+    fn the_instructions_of_a_block_are_conditional_and_those_behind_are_not() {
+        // cmp r0, #1; ite eq; moveq r1, #7; movne r1, #9; bx lr.
+        let image = Image::of(0x100, &[0x2801, 0xBF0C, 0x2107, 0x2109, 0x4770], &[]);
+        let in_block: Vec<_> = image.code.values().map(|instruction| instruction.in_block).collect();
+        assert_eq!(in_block, [false, false, true, true, false]);
+    }
+
+    #[test]
+    fn a_file_without_functions_is_refused() {
+        assert!(Image::parse(b"no ELF".to_vec()).is_err());
+    }
+}

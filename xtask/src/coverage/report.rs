@@ -1,0 +1,157 @@
+//! The coverage of the images in words, and as JSON.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
+
+use serde_json::{Value, json};
+
+use super::gaps::{Count, Counts, Coverage, Gap, Missing, Part};
+use super::image::Function;
+use super::source::Place;
+
+/// An image with its coverage.
+#[derive(Debug)]
+pub(super) struct Measured {
+    pub(super) name: String,
+    pub(super) functions: Vec<Function>,
+    pub(super) coverage: Coverage,
+    /// The source lines of which the image has code.
+    pub(super) lines: BTreeSet<Place>,
+}
+
+/// What the sources explain of all gaps.
+#[derive(Debug, Default)]
+pub(super) struct Explained {
+    /// For each part, the number of gaps, and how many of them are explained.
+    pub(super) parts: BTreeMap<Part, Count>,
+    /// The explained gaps, each by the number of its image and its address.
+    pub(super) gaps: BTreeSet<(usize, u32)>,
+    /// The number of gaps that need an explanation and have none.
+    pub(super) open: u64,
+    /// Explanations of lines that are covered.
+    pub(super) needless: Vec<Place>,
+}
+
+/// Each function with gaps that count, its lines, and what is missing there with the number of instructions. Gaps in
+/// libraries have no line.
+fn by_function<'a>(
+    image: usize,
+    measured: &'a Measured,
+    explained: &Explained,
+) -> BTreeMap<&'a str, BTreeMap<Option<&'a Place>, BTreeMap<Missing, usize>>> {
+    let mut functions: BTreeMap<_, BTreeMap<_, BTreeMap<_, usize>>> = BTreeMap::new();
+    let is_open = |gap: &&Gap| Part::COUNTED.contains(&gap.part) && !explained.gaps.contains(&(image, gap.address));
+    for gap in measured.coverage.gaps.iter().filter(is_open) {
+        let lines = functions.entry(measured.functions[gap.function].name.as_str()).or_default();
+        *lines.entry(gap.places.first()).or_default().entry(gap.missing).or_default() += 1;
+    }
+    functions
+}
+
+/// All gaps that no comment explains.
+pub(super) fn text(all: &[Measured], explained: &Explained) -> String {
+    let mut text = String::new();
+    for (image, measured) in all.iter().enumerate() {
+        let _ = writeln!(text, "{}", measured.name);
+        for (function, lines) in by_function(image, measured, explained) {
+            let _ = writeln!(text, "  {function}");
+            for (place, missing) in lines {
+                let place = place.map_or("library".to_owned(), ToString::to_string);
+                let words: Vec<_> =
+                    missing.iter().map(|(missing, count)| format!("{count} x {}", missing.words())).collect();
+                let _ = writeln!(text, "    {place}: {}", words.join(", "));
+            }
+        }
+    }
+    text
+}
+
+/// The totals, and what is explained.
+pub(super) fn summary(all: &[Measured], explained: &Explained) -> String {
+    let mut text = table(all) + "\n| part | gaps | explained beside the code |\n|---|---|---|\n";
+    for (part, count) in &explained.parts {
+        let _ = writeln!(text, "| {} | {} | {} |", part.name(), count.all, count.seen);
+    }
+    text
+}
+
+/// The page for docs/safety.
+pub(super) fn page(command: &str, summary: &str) -> String {
+    format!(
+        "# Object-code coverage\n\n\
+         Which instructions of the release images the bench has executed, and which branches went both ways. Written by\n\n    \
+         {command}\n\n\
+         on the fast clock, which also lists each gap by function and source line. The runs: `xtask/src/coverage/runs.rs`.\n\
+         The suites on the boards are other images and do not count. An instruction leads only to a panic if each path \
+         from it\nends in one; those, and what formats the log, are counted by themselves. A branch has two outcomes, \
+         without one that\nleads only to a panic; so has an instruction in an IT block, which is skipped or not. \
+         What decides and what has a\ndeadline: `xtask/src/coverage/gaps.rs`.\n\n{summary}"
+    )
+}
+
+/// The totals of all images, as a table in Markdown.
+pub(super) fn table(all: &[Measured]) -> String {
+    let mut text =
+        "| image | part | instructions | branch outcomes | outcomes in IT blocks |\n|---|---|---|---|---|\n".to_owned();
+    for measured in all {
+        let coverage = &measured.coverage;
+        let mut row = |part: &str, counts: Counts| {
+            let [instructions, branches, blocks] = [counts.instructions, counts.branches, counts.blocks].map(cell);
+            let _ = writeln!(text, "| {} | {part} | {instructions} | {branches} | {blocks} |", measured.name);
+        };
+        row("all", coverage.sum(|_| true));
+        row("without panics and log", coverage.sum(|part| Part::COUNTED.contains(&part)));
+        for part in Part::COUNTED.into_iter().chain([Part::Panic, Part::Log]) {
+            row(part.name(), coverage.sum(|other| other == part));
+        }
+    }
+    text
+}
+
+fn cell(count: Count) -> String {
+    if count.all == 0 { "none".into() } else { format!("{} of {}, {:.1} %", count.seen, count.all, count.percent()) }
+}
+
+/// All gaps of all images.
+pub(super) fn json(all: &[Measured]) -> Value {
+    let gap = |measured: &Measured, gap: &Gap| {
+        let places: Vec<String> = gap.places.iter().map(ToString::to_string).collect();
+        json!({
+            "address": gap.address,
+            "function": measured.functions[gap.function].name,
+            "part": gap.part.name(),
+            "missing": gap.missing.words(),
+            "lines": places,
+        })
+    };
+    let image = |measured: &Measured| {
+        let gaps: Vec<Value> = measured.coverage.gaps.iter().map(|it| gap(measured, it)).collect();
+        json!({ "image": measured.name, "gaps": gaps })
+    };
+    Value::Array(all.iter().map(image).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gap_is_listed_by_function_and_line_until_it_is_explained() {
+        let place = Place { file: "dpr-fw/src/link.rs".into(), line: 7 };
+        let gap = Gap {
+            address: 0x100,
+            function: 0,
+            part: Part::Deciding,
+            missing: Missing::Taken,
+            places: vec![place.clone()],
+        };
+        let coverage = Coverage { counts: BTreeMap::new(), gaps: vec![gap] };
+        let functions = vec![Function { name: "judge".into(), start: 0x100, end: 0x200 }];
+        let all = [Measured { name: "dpr-fw".into(), functions, coverage, lines: [place].into() }];
+        let open = text(&all, &Explained::default());
+        assert_eq!(open, "dpr-fw\n  judge\n    dpr-fw/src/link.rs:7: 1 x branch never taken\n");
+        let explained = Explained { gaps: [(0, 0x100)].into(), ..Explained::default() };
+        assert_eq!(text(&all, &explained), "dpr-fw\n");
+        assert_eq!(json(&all)[0]["gaps"][0]["lines"][0], "dpr-fw/src/link.rs:7");
+    }
+}

@@ -1,0 +1,139 @@
+//! Source lines of instructions, and what the sources say of lines that are not covered.
+
+use std::borrow::Cow;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
+use std::ops::RangeInclusive;
+
+use addr2line::gimli;
+use anyhow::{Context, Result};
+use object::{Object, ObjectSection};
+
+use super::image::Image;
+use crate::workspace::root;
+
+/// A line of a source of this workspace.
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Place {
+    pub(super) file: String,
+    pub(super) line: u32,
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:{}", self.file, self.line)
+    }
+}
+
+/// Where an instruction comes from.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Origin {
+    /// The lines of this workspace, from the innermost inlined function to the outermost. Empty for code of libraries.
+    pub(super) places: Vec<Place>,
+    /// Whether it belongs to the logger, whose code is inlined where a message is written.
+    pub(super) logs: bool,
+}
+
+/// Returns the origin of each instruction, by its address.
+pub(super) fn origins(image: &Image) -> Result<BTreeMap<u32, Origin>> {
+    let file = object::File::parse(&*image.elf)?;
+    let load = |section: gimli::SectionId| -> Result<Cow<'_, [u8]>, gimli::Error> {
+        let section = file.section_by_name(section.name());
+        Ok(section.and_then(|section| section.uncompressed_data().ok()).unwrap_or_default())
+    };
+    let sections = gimli::DwarfSections::load(load)?;
+    let dwarf = sections.borrow(|section| gimli::EndianSlice::new(section, gimli::LittleEndian));
+    let lines = addr2line::Context::from_dwarf(dwarf).context("the debug information cannot be read")?;
+    let root = format!("{}/", root().display());
+    let mut origins = BTreeMap::new();
+    for &address in image.code.keys() {
+        let mut origin = Origin::default();
+        let mut frames = lines.find_frames(u64::from(address)).skip_all_loads()?;
+        while let Some(frame) = frames.next()? {
+            let Some((file, line)) = frame.location.and_then(|place| Some((place.file?, place.line?))) else {
+                continue;
+            };
+            origin.logs |= file.contains("/defmt");
+            if let Some(file) = file.strip_prefix(&root).filter(|file| !file.starts_with("target/")) {
+                origin.places.push(Place { file: file.to_owned(), line });
+            }
+        }
+        origins.insert(address, origin);
+    }
+    Ok(origins)
+}
+
+/// What the comments of one source say about its lines.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub(super) struct Source {
+    /// The lines of calls of the logger's macros.
+    pub(super) logs: BTreeSet<u32>,
+    pub(super) explained: Vec<Explanation>,
+}
+
+/// A comment that says why lines are not covered.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Explanation {
+    /// The comment's own line.
+    pub(super) at: u32,
+    /// The lines that it explains.
+    pub(super) lines: RangeInclusive<u32>,
+}
+
+/// The beginning of a comment that explains why the item, statement or arm below it is not covered.
+const EXPLANATION: &str = "// Not covered: ";
+
+/// Reads a source. An explanation stands on lines of its own above the statement, arm or item that it explains, which
+/// ends where its brackets close.
+pub(super) fn read(text: &str) -> Source {
+    let lines: Vec<&str> = text.lines().collect();
+    let mut source = Source::default();
+    for (index, line) in lines.iter().enumerate() {
+        let number = index as u32 + 1;
+        if line.trim_start().starts_with(EXPLANATION) {
+            let more = lines[index + 1..].iter().take_while(|line| line.trim_start().starts_with("//"));
+            let from = index + 1 + more.count();
+            source.explained.push(Explanation { at: number, lines: from as u32 + 1..=end_of(&lines, from) });
+        }
+        if line.contains("defmt::") && line.contains("!(") {
+            source.logs.extend(number..=end_of(&lines, index));
+        }
+    }
+    source
+}
+
+/// The number of the line, from 1, on which the brackets close that are opened from line `from` (counted from 0) on.
+fn end_of(lines: &[&str], from: usize) -> u32 {
+    let mut depth = 0_i32;
+    for (index, line) in lines.iter().enumerate().skip(from) {
+        let code = line.split("//").next().unwrap_or(line);
+        depth += code.chars().filter(|letter| "([{".contains(*letter)).count() as i32;
+        depth -= code.chars().filter(|letter| ")]}".contains(*letter)).count() as i32;
+        // An attribute belongs to the item below it.
+        if depth <= 0 && !code.trim_start().starts_with("#[") && !code.trim().is_empty() {
+            return index as u32 + 1;
+        }
+    }
+    lines.len() as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_explanation_holds_to_the_end_of_what_stands_below_it() {
+        let text = "fn f() {\n    // Not covered: no test can.\n    // It would take a year.\n    if x {\n        y();\n    \
+                    }\n    z();\n    // Not covered: of the arm.\n    A => 1,\n}\n";
+        let explained = read(text).explained;
+        assert_eq!(explained[0], Explanation { at: 2, lines: 4..=6 });
+        assert_eq!(explained[1], Explanation { at: 8, lines: 9..=9 });
+        assert_eq!(explained.len(), 2);
+    }
+
+    #[test]
+    fn the_lines_of_a_message_are_those_of_the_macro() {
+        let text = "a();\ndefmt::warn!(\n    \"{=u32}\",\n    b()\n);\nc();\ndefmt::info!(\"d\");\n";
+        assert_eq!(read(text).logs, [2, 3, 4, 5, 7].into());
+    }
+}
