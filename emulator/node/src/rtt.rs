@@ -62,7 +62,8 @@ pub(crate) fn count<P: Part>(part: &P, block: u64) -> Result<u64, RttFault> {
     }
     match memory::value(part, block + UP_COUNT, 4).unwrap_or(0) {
         count @ 1..=MOST_CHANNELS => Ok(count),
-        // Start-up code may be copying the block from flash into RAM, with the name before the number.
+        // No channels yet: start-up code may be copying the control block from flash into RAM, its name before the
+        // number of channels.
         0 => Err(RttFault::NotYet),
         count => Err(RttFault::Corrupt(format!("the RTT control block counts {count} up channels"))),
     }

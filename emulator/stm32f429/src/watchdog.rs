@@ -304,7 +304,7 @@ impl Wwdg {
             }
             1 => {
                 let count = self.count(now, clocks);
-                // EWI is cleared by a reset only (22.6.2).
+                // EWI is cleared by a reset only (RM0090 22.6.2).
                 self.cfr = merge(self.cfr, offset, width, value) & 0x3FF | self.cfr & EWI;
                 self.written = count;
                 self.written_at = now;

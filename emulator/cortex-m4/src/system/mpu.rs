@@ -233,7 +233,7 @@ impl Mpu {
     }
 
     pub(crate) fn data(&mut self, address: u32, write: bool, privileged: bool, priority: i32) -> bool {
-        // The default memory map always governs the private peripheral bus (B3.5.1).
+        // The default memory map always governs the private peripheral bus (ARM ARM B3.5.1).
         !self.applies(priority)
             || address >> 20 == 0xE00
             || self.span(address).rights & data_right(write, privileged) != 0
@@ -255,7 +255,7 @@ impl Mpu {
 
     fn decide_fetch(&self, region: Option<Region>, address: u32, privileged: bool) -> bool {
         match region {
-            // System space is execute-never, whatever a region says (B3.1).
+            // System space is execute-never, whatever a region says (ARM ARM B3.1).
             Some(region) => {
                 region.allows(false, privileged) && region.attributes >> 28 & 1 == 0 && address < 0xE000_0000
             }
@@ -334,7 +334,7 @@ mod tests {
             }
             for pair in ends[1..ends.len() - 1].chunks(2) {
                 assert_eq!(pair[0].wrapping_add(1), pair[1], "no address is left out");
-                // The two words are before and after the end of a span.
+                // This access crosses the end of a span, so `opens` must return false.
                 assert!(!mpu.opens(pair[0], 2, false, true) && !mpu.opens(pair[0], 2, true, false));
             }
         }
