@@ -54,7 +54,7 @@ impl Objects {
         Self(((2_u16 << receivers) - 1) as u8)
     }
 
-    /// Returns the objects of a frame whose objects have this place in the profile.
+    /// Returns the set of the objects that a frame carries, given the place of these objects in the profile.
     #[must_use]
     pub const fn at(place: Place) -> Self {
         Self((((1_u16 << place.count()) - 1) << place.first()) as u8)

@@ -187,10 +187,10 @@ impl<const N: usize> Commit<N> {
     /// Publishes an image without objects at once, because the image that the flight controller reads was found
     /// damaged. Returns false, and publishes none, if another image is about to replace the damaged one:
     ///
-    /// - while the image being filled holds objects of a newer cycle, since it is published within
-    ///   [`link::SECOND_FRAME_US`](crate::link::SECOND_FRAME_US);
-    /// - while a frame is about to end, since publishing would delay that frame: the frame brings the next image, or
-    ///   else its deadline does, 2.7 ms later.
+    /// - No image is published while the image being filled holds objects of a newer cycle, because that image is
+    ///   published within [`link::SECOND_FRAME_US`](crate::link::SECOND_FRAME_US).
+    /// - No image is published while a frame is about to end, because publishing would delay that frame. The frame
+    ///   brings the next image, or else its deadline does, 2.7 ms later.
     pub fn withdraw(&mut self, now_us: u32, health: &Health, images: &mut impl Images) -> bool {
         self.link.advance(now_us);
         if self.open.is_some() || self.shown != Objects::NONE || self.monitor.is_frame_due(now_us) {

@@ -141,8 +141,8 @@ pub struct SignOfLife {
 }
 
 impl SignOfLife {
-    /// The number of cycles, of 12.5 ms at most, for which the SSI task is not called during a transaction. With the
-    /// cycle of the call after them they are half of the watchdog's 100 ms.
+    /// The number of cycles, of 12.5 ms at most, for which the SSI task is not called during a transaction. The call
+    /// comes in the cycle after these, after 50 ms at most: half of the watchdog's 100 ms.
     pub const MOST: u32 = 3;
 
     /// Returns the state at the start. The start has taken up to a third of the watchdog's time. So a transaction that

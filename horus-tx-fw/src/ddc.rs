@@ -361,7 +361,7 @@ impl Ddc {
     pub fn step(&mut self) -> Order {
         let State::Recovering(step) = self.state else { return Order::Nothing };
         self.state = State::Recovering(step.saturating_add(1));
-        // After this level comes the STOP, a rise of SDA while SCL is high.
+        // The recovery's last levels make the STOP, a rise of SDA while SCL is high.
         const LAST: u8 = 2 * CLOCKS;
         match step {
             0..LAST => Order::Drive { scl: step % 2 == 1, sda: true },

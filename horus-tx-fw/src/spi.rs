@@ -392,7 +392,8 @@ mod tests {
     #[test]
     fn bytes_that_waited_stay_old_while_only_filler_comes() {
         let mut polling = Polling::new();
-        // The stuck line works again. Old bytes come in two transfers, then silence, a message, and silence.
+        // The stuck line works again. Two transfers bring old bytes, and later ones bring silence, a message, and
+        // silence.
         for (brought, is_empty, is_old) in [
             (false, true, true),
             (false, true, true),

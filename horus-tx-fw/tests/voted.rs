@@ -274,14 +274,14 @@ struct Outcome {
     wronged: u32,
     /// The number of ticks at which fewer receivers agreed than are fitted although the status did not say *degraded*.
     undegraded: u32,
-    /// The number of ticks with a result beyond the bound that is not explained by two failed receivers that agree.
+    /// The number of ticks whose result is farther from the truth than allowed, although no two failed receivers agree.
     unexplained: u32,
     /// The greatest error in height of all ticks with an altitude, m.
     worst_height_m: f64,
     /// The number of ticks later than [`SETTLED_MS`] whose result has an attitude.
     oriented: u32,
     worst_heading: f64,
-    /// The time from the failure to the first tick with a result that is farther from the truth than the bound, ms.
+    /// The time from the failure to the first tick whose result is farther from the truth than allowed, ms.
     far_after_ms: Option<u32>,
 }
 

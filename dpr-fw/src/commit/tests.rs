@@ -584,8 +584,8 @@ fn newest(sent: &[Sent], receivers: usize, now: i128) -> Vec<(usize, u32)> {
         return Vec::new();
     }
     if receivers == 5 && !frame.second {
-        // This is the first frame of its cycle, so the DPR waits for the second frame. Until the second frame's
-        // deadline the image stays that was newest when the first frame ended.
+        // A frame that is the first of its cycle waits for the second frame. Until the second frame's deadline, the
+        // image remains that was the newest when the first frame ended.
         return if passed >= 7_000 { alone } else { before(sent, receivers, number) };
     }
     let Some(first) = number

@@ -16,7 +16,7 @@ use crate::{
     ReceiveMemory,
 };
 
-/// The hardware of the second port, which does more than a port that only receives.
+/// The hardware of the second port. A port that only receives has no use for these operations.
 pub trait AnswerPort: FrontEndPort {
     /// Returns the present value, µs, of the timer that also captures [`FrontEndPort::irq_edge_us`].
     fn now_us(&mut self) -> u32;

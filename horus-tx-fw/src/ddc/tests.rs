@@ -15,7 +15,7 @@ enum Fault {
     Held(usize),
     Refused,
     ArbitrationLost,
-    /// This number of events comes although no order has caused them.
+    /// This number of spurious events comes: events that no order has caused.
     Spurious(u8),
     BusError,
     StreamFails,

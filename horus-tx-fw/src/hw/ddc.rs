@@ -219,8 +219,8 @@ impl DdcSource {
     fn stream_interrupt(&mut self) {
         let flags = dma::flags(self.port.stream);
         if !flags.has_error() && !flags.is_complete() {
-            // The task was called only to check in. A transfer that ends from now on leaves its flag set, which calls
-            // the task again.
+            // The task was called only to check in for the watchdog. A transfer that ends from now on leaves its flag
+            // set, which calls the task again.
             return;
         }
         dma::clear_flags(self.port.stream);

@@ -644,8 +644,8 @@ fn a_jump_of_all_receivers_is_shown_after_1000_ms() {
     }
 }
 
-/// After 10 ms, a step of the place may be 2 m longer than the accuracies allow. At rest the accuracies are 1.505 and
-/// 2.505 m.
+/// Within 10 ms the place may change by what the accuracies allow, plus 2 m at 200 m/s. A receiver at rest has
+/// accuracies of 1.505 and 2.505 m.
 #[test]
 fn a_step_beyond_speed_and_accuracies_is_a_jump() {
     let shown = |by: Report| Flight::begun(0).is_shown(by);
@@ -654,7 +654,8 @@ fn a_step_beyond_speed_and_accuracies_is_a_jump() {
     assert!(shown(GOOD.moved(0.0, 0.02 - reach)) && !shown(GOOD.moved(0.0, -0.02 - reach)));
     let (a, b) = (reach * 0.6, reach * 0.8);
     assert!(shown(GOOD.moved(a - 0.02, b - 0.02)) && !shown(GOOD.moved(a + 0.02, b + 0.02)));
-    // The cases are the least and the greatest step that accuracies allow, and pairs in which the accuracies differ.
+    // Two results may have different accuracies. The pairs include the least and the greatest step that accuracies
+    // allow.
     let between = |one: u32, other: u32, by: f64| {
         let mut flight = Flight { voter: Voter::new(), now: 0 };
         assert!(flight.is_shown(GOOD.stating(one, 2_500)));
@@ -666,7 +667,7 @@ fn a_step_beyond_speed_and_accuracies_is_a_jump() {
         assert!(between(one, other, allowed + 1.98), "{one} {other}");
         assert!(!between(one, other, allowed + 2.03), "{one} {other}");
     }
-    // The greatest step that counts as no jump grows with the time: after 1000 ms without a position it is 200 m and
+    // The greatest step that counts as no jump grows with the time: after 1000 ms without a position it is 200 m plus
     // 6.4 m.
     for (by, expected) in [(206.3, true), (206.5, false)] {
         let mut flight = Flight::begun(0);
@@ -682,7 +683,7 @@ fn the_least_accurate_member_counts_for_a_jump() {
         let moved = |by: f64| {
             [0, 1, 2].map(|i| if i == worst { GOOD.stating(4_995, 2_500) } else { GOOD }.moved(by, 0.0).input())
         };
-        // The greatest step that counts as no jump is 3 √(1.505² + 5²) m and 2 m.
+        // The greatest step that counts as no jump is 3 √(1.505² + 5²) m plus 2 m.
         assert!(flight.voter.clone().vote(&moved(17.64), 10).position.is_some());
         assert!(flight.voter.vote(&moved(17.69), 10).position.is_none());
     }

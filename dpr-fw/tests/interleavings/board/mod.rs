@@ -230,8 +230,8 @@ impl At {
         ))
     }
 
-    /// Records that the running task locks a resource. What the scrub task saw before no longer matters: the buffer
-    /// that it held goes back now, and no other code holds the buffer that it takes.
+    /// Records that the running task locks a resource. For the scrub task, what it saw before no longer matters: it
+    /// gives its buffer back now, and no other code holds the buffer that it then takes.
     fn see_resource(&self, index: usize) {
         let shared = self.0.digests.get()[index];
         if let Some(frame) = self.0.frames.borrow_mut().last_mut() {

@@ -131,8 +131,8 @@ impl Ssi for SsiModel {
         }
         at.see((amount, self.received));
         if bounds.mutation == Mutation::None {
-            // Both registers are written again before they are read. Clearing them makes more states of the search
-            // equal.
+            // RXD and AMOUNT are cleared, since both are written again before they are read. More states of the search
+            // are then equal.
             hw.borrow_mut().rxd = [0; 8];
             hw.borrow_mut().amount = 0;
         }
