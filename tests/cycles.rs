@@ -20,7 +20,8 @@ pub enum Clock {
     Hardware,
 }
 
-/// The clock for which the suite was built; `cargo xtask test` sets the variable for a run on the bench.
+/// The clock for which the suite was built. `cargo xtask test` sets the environment variable for a run on the bench;
+/// without it the clock is that of hardware.
 pub const CLOCK: Clock = match option_env!("ON_TARGET_CLOCK") {
     None => Clock::Hardware,
     Some(name) => match name.as_bytes() {
@@ -44,7 +45,8 @@ pub struct Bounds {
     pub optimistic: u32,
     /// The bound on [`Clock::Pessimistic`] and [`Clock::Hardware`], in cycles.
     pub pessimistic: u32,
-    /// The most cycles by which the data may change the time on the bench; `u32::MAX` if only the bound counts.
+    /// The most cycles by which different data may change the time on the bench; `u32::MAX` if only the bound is
+    /// checked.
     pub spread: u32,
 }
 

@@ -336,7 +336,7 @@ pub enum Expected {
     Rejected,
     /// Every pattern passes all CRCs.
     Accepted,
-    /// A pattern passes with a probability of 2^-31 or less, so at most one of the samples passes.
+    /// At most one of the samples passes, because a pattern passes with a probability of 2^-31 or less.
     Improbable,
 }
 

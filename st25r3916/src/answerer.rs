@@ -293,8 +293,8 @@ impl Answerer {
         let why = match (loads, overtaken) {
             (true, true) => Unanswered::Overtaken,
             (true, false) if status.timer & reg::IRQ_EOF != 0 => Unanswered::FieldLost,
-            // The chip receives again only after its answer. So the answer was sent, and the FIFO already holds the
-            // next frame.
+            // The chip receives no frame before it has sent its answer. So the answer was sent, and the bytes in the
+            // FIFO are those of the next frame.
             (false, true) => return Some(self.sending(Sending::Sent { confirmed: status.is_set(reg::IRQ_TXE) })),
             (_, false) => return None,
         };

@@ -215,8 +215,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
         for _ in 0..STEPS {
             step = match step {
                 Step::Transfer(transfer) => {
-                    // The transfer is started before its time limit, since the limit can be set while the transfer
-                    // runs.
+                    // The transfer is started first, and its time limit is set while it runs.
                     if self.start(transfer) {
                         self.wait(Waiting::Transfer, TRANSFER_US);
                         return None;

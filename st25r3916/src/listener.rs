@@ -877,7 +877,7 @@ impl Frame {
                 Plan::Tail => TAIL as u16,
                 Plan::End => return left_us,
             };
-            // This many bytes of the frame had arrived when the status before the last read was evaluated.
+            // The number of the frame's bytes that had arrived when the status before the last read was evaluated.
             let arrived = self.got + MARGIN;
             if let Some(total) = self.total
                 && total > arrived + to_come

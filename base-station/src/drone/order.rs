@@ -16,7 +16,7 @@
 //! | is quiet for [`QUIET_US`] | back by more than [`LATE_US`] | a stranger: perhaps a replayed recording |
 //! | has sent less than [`QUIET_US`] ago, but does not continue | any | not known yet |
 //!
-//! This rule keeps messages that arrive among those of the true sender from replacing that sender.
+//! A sender is replaced only in these cases, so messages that arrive among those of the true sender cannot replace it.
 
 use profile::{Freshness, freshness};
 
