@@ -154,6 +154,16 @@ pub trait Bus {
     /// [`Bound`].
     fn wait_states(&mut self, access: &Access, bound: Bound) -> u32;
 
+    /// Returns the wait states that [`Bus::wait_states`] would return for an access to memory at `cycle`, and has the
+    /// same effects. With `fetch` the core fetches the word at `address`, else it reads or writes data there. Returns
+    /// `None`, without an effect, where the address alone does not tell them. This way is faster than
+    /// [`Bus::wait_states`].
+    #[inline(always)]
+    fn memory_waits(&mut self, address: u32, fetch: bool, cycle: u64, bound: Bound) -> Option<u32> {
+        let _ = (address, fetch, cycle, bound);
+        None
+    }
+
     /// Whether the part has bit-band aliases (PM0214 and TRM, bit-banding): 0x2200_0000 and 0x4200_0000 reach single
     /// bits from 0x2000_0000 and 0x4000_0000 on.
     fn bit_banding(&self) -> bool;

@@ -14,7 +14,7 @@
 //! core's own space take UFSR.UNALIGNED. There is no write buffer, so each bus fault is precise.
 
 use crate::system::mpu::data_right;
-use crate::{Access, Bus, Core, Cost, Fault, Purpose, Width};
+use crate::{Access, Bound, Bus, Core, Cost, Fault, Purpose, Width};
 
 const PRIVATE: u32 = 0xE000_0000;
 const PRIVATE_END: u32 = 0xE010_0000;
@@ -52,7 +52,7 @@ impl<C: Cost> Core<C> {
     /// without a break, so the two values hold that long.
     #[inline(always)]
     pub(crate) fn note_short_way(&mut self) {
-        let short = C::BOUND.is_none() && !self.watching();
+        let short = !self.watching();
         let privileged = self.is_privileged();
         self.short_read = if short { data_right(false, privileged) } else { 0 };
         self.short_write = if short { data_right(true, privileged) } else { 0 };
@@ -66,10 +66,10 @@ impl<C: Cost> Core<C> {
         width: Width,
         purpose: Purpose,
     ) -> Result<u32, Fault> {
-        if C::BOUND.is_none()
-            && self.system.mpu.gives(address, self.short_read)
+        if self.system.mpu.gives(address, self.short_read)
             && let Some(value) = bus.read_memory(address, width)
         {
+            self.count_memory(bus, address, width, purpose);
             return Ok(value);
         }
         self.catch_up();
@@ -86,10 +86,8 @@ impl<C: Cost> Core<C> {
         value: u32,
         purpose: Purpose,
     ) -> Result<(), Fault> {
-        if C::BOUND.is_none()
-            && self.system.mpu.gives(address, self.short_write)
-            && bus.write_memory(address, width, value)
-        {
+        if self.system.mpu.gives(address, self.short_write) && bus.write_memory(address, width, value) {
+            self.count_memory(bus, address, width, purpose);
             return Ok(());
         }
         self.catch_up();
@@ -133,10 +131,19 @@ impl<C: Cost> Core<C> {
     /// Reads the next word of a load multiple. `reached` says that [`Core::reaches`] holds for all words of the
     /// instruction.
     #[inline(always)]
-    pub(crate) fn load_next<B: Bus>(&mut self, bus: &mut B, address: u32, reached: bool) -> Result<u32, Fault> {
+    pub(crate) fn load_next<B: Bus>(
+        &mut self,
+        bus: &mut B,
+        address: u32,
+        purpose: Purpose,
+        reached: bool,
+    ) -> Result<u32, Fault> {
         match reached.then(|| bus.read_memory(address, Width::Word)).flatten() {
-            Some(value) => Ok(value),
-            None => self.load(bus, address, Width::Word, Purpose::Data),
+            Some(value) => {
+                self.count_memory(bus, address, Width::Word, purpose);
+                Ok(value)
+            }
+            None => self.load(bus, address, Width::Word, purpose),
         }
     }
 
@@ -150,16 +157,43 @@ impl<C: Cost> Core<C> {
         reached: bool,
     ) -> Result<(), Fault> {
         if reached && bus.write_memory(address, Width::Word, value) {
+            self.count_memory(bus, address, Width::Word, Purpose::Data);
             return Ok(());
         }
         self.store(bus, address, Width::Word, value, Purpose::Data)
     }
 
-    /// Whether the core may access `bytes` bytes of memory from `address` on without further checks. This holds if no
-    /// wait states are counted, the DWT does not watch, and the MPU opens these addresses.
+    /// Counts the wait states of an access to memory.
+    #[inline(always)]
+    fn count_memory<B: Bus>(&mut self, bus: &mut B, address: u32, width: Width, purpose: Purpose) {
+        if let Some(bound) = C::BOUND {
+            let waits = match bus.memory_waits(address, false, self.cycle, bound) {
+                Some(waits) => waits,
+                None => self.asked_waits(bus, address, width, purpose, bound),
+            };
+            self.cycle = self.cycle.wrapping_add(u64::from(waits));
+        }
+    }
+
+    /// Asks the bus for the wait states of an access.
+    #[inline(never)]
+    pub(crate) fn asked_waits<B: Bus>(
+        &mut self,
+        bus: &mut B,
+        address: u32,
+        width: Width,
+        purpose: Purpose,
+        bound: Bound,
+    ) -> u32 {
+        let access = self.access(address, width, purpose, self.is_privileged());
+        bus.wait_states(&access, bound)
+    }
+
+    /// Whether the core may access `bytes` bytes from `address` on without checks, if they are memory: the DWT does not
+    /// watch, and the MPU opens these addresses.
     #[inline(always)]
     pub(crate) fn reaches(&mut self, address: u32, bytes: u32, write: bool, privileged: bool) -> bool {
-        C::BOUND.is_none() && !self.watching() && self.mpu_opens(address, bytes, write, privileged)
+        !self.watching() && self.mpu_opens(address, bytes, write, privileged)
     }
 
     #[inline(always)]

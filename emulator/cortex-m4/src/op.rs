@@ -38,9 +38,27 @@ pub(crate) struct Op {
 
 const _: () = assert!(size_of::<Op>() <= 16);
 
+impl Block {
+    /// Whether the instruction is allowed in an IT block in which EPSR.IT is `it`.
+    pub(crate) const fn allows(self, it: u8) -> bool {
+        match self {
+            Self::Same | Self::KeepsFlags => true,
+            Self::Last => it & 0xF == 8,
+            Self::Never => false,
+        }
+    }
+}
+
 impl Op {
-    /// Whether an interrupt may cut this load/store multiple short (TRM 3.9.1). It may not if PC is loaded, because
-    /// that may be an exception return.
+    /// Whether this does not depend on the condition of an IT block. Breakpoints and semihosting calls are not
+    /// instructions; BKPT and fetch faults come in any case.
+    pub(crate) const fn is_unconditional(&self) -> bool {
+        matches!(self.what, Do::Breakpoint | Do::HostCall | Do::Bkpt)
+            || matches!(self.what, Do::Fault(Fault::BusInstruction | Fault::MemInstruction))
+    }
+
+    /// Whether an interrupt need not wait for the end of this load/store multiple (TRM 3.9.1). It must wait for one
+    /// that loads PC, which may be an exception return.
     pub(crate) const fn is_multiple(&self) -> bool {
         match self.what {
             Do::Ldm { list, .. } => list >> 15 == 0,

@@ -13,7 +13,7 @@
 use crate::code::{BITS as PAGE_BITS, Code, Kind, Page};
 use crate::execute::Flow;
 use crate::op::{Block, Do, Op};
-use crate::{Access, Bound, Bus, Core, Cost, Exit, Fault, Purpose, Width, decode};
+use crate::{Bound, Bus, Core, Cost, Exit, Fault, Purpose, Width, decode};
 
 /// The number of cycles in which the fast clock executes a whole page straight through.
 const PAGE_CYCLES: u64 = 1 << (PAGE_BITS - 1);
@@ -242,24 +242,48 @@ impl<C: Cost> Core<C> {
     fn timed_burst<B: Bus>(&mut self, bus: &mut B, page: &Page) {
         let mut pc = self.r[15];
         loop {
-            let op = page.op(pc);
-            if self.it != 0 {
-                // Another function handles instructions in an IT block, so that this loop needs no test for IT blocks.
+            // EPSR.IT at the instruction, 0 outside IT blocks.
+            let it = self.it;
+            let mut op = page.op(pc);
+            if it != 0 && (op.is_unconditional() || !op.block.allows(it)) {
                 self.single(bus, op);
+                return;
+            }
+            self.count_fetch(bus, op, pc);
+            if it != 0 {
+                self.it = after(it);
+                self.kept_flags = self.flags;
+            }
+            if it != 0 && !self.passes(it >> 4) {
+                self.pass_over(op);
                 pc = self.r[15];
             } else {
-                self.count_fetch(bus, op, pc);
-                let began = self.cycle;
-                let next = pc.wrapping_add(u32::from(op.size));
-                pc = match self.execute(bus, op, next) {
-                    Ok(Flow::On | Flow::Block) => next,
-                    Ok(Flow::To(target)) => target,
-                    Err(fault) => {
-                        self.fail(bus, op, 0, fault);
-                        return;
+                let stop = if it == 0 { page.end() } else { 0 };
+                // Executes up to a taken branch, an IT block or `stop`.
+                loop {
+                    let began = self.cycle;
+                    let next = pc.wrapping_add(u32::from(op.size));
+                    let flow = match self.execute(bus, op, next) {
+                        Ok(flow) => flow,
+                        Err(fault) => {
+                            self.fail(bus, op, it, fault);
+                            return;
+                        }
+                    };
+                    pc = if let Flow::To(target) = flow { target } else { next };
+                    self.complete(op, pc, began);
+                    if !matches!(flow, Flow::On) || pc >= stop || self.cycle >= self.limit {
+                        break;
                     }
-                };
-                self.complete(op, pc, began);
+                    op = page.op(pc);
+                    // The previous instruction has fetched the word before an address that is no multiple of 4.
+                    if u32::from(op.size) & !(pc & 2) != 0 {
+                        self.fetch_word(bus, pc.wrapping_add(u32::from(op.size)).wrapping_sub(2) & !3);
+                    }
+                }
+                if it != 0 && op.block == Block::KeepsFlags {
+                    self.flags = self.kept_flags;
+                }
             }
             if self.cycle >= self.limit || !page.holds(pc) {
                 return;
@@ -269,16 +293,18 @@ impl<C: Cost> Core<C> {
 
     /// A burst on the fast clock. Since an instruction costs as many cycles as it has halfwords, the address tells the
     /// cycle ([`Core::catch_up`]), and a comparison of the address with `stop` tells whether the limit or the end of
-    /// the page is reached. Only a branch changes the relation.
+    /// the page is reached. Only a branch changes the relation. In an IT block `stop` is 0, so that the same comparison
+    /// also tells when an instruction of the block has ended.
     #[inline(never)]
     fn fast_burst<B: Bus>(&mut self, bus: &mut B, page: &Page) {
         if self.it != 0 && !self.finish_block(bus, page) {
             return;
         }
+        // EPSR.IT at the instruction, 0 outside IT blocks.
+        let mut it = 0;
         let mut pc = self.r[15];
         self.count_from(pc, self.cycle);
-        self.stop = page.end();
-        self.stop_before_limit(page, pc, self.cycle);
+        self.set_stop(page, pc);
         loop {
             let op = page.op(pc);
             pc = pc.wrapping_add(u32::from(op.size));
@@ -288,26 +314,18 @@ impl<C: Cost> Core<C> {
                     let cycle = self.cycle_at(pc);
                     self.count_from(target, cycle);
                     self.stop_before_limit(page, target, cycle);
-                    if !page.holds(target) {
+                    if it != 0 || !page.holds(target) {
                         self.stop = 0;
                     }
                     pc = target;
                 }
                 Ok(Flow::Block) => {
-                    self.r[15] = pc;
-                    self.retired = self.retired.wrapping_add(1);
-                    self.catch_up();
-                    if !self.finish_block(bus, page) {
-                        return;
-                    }
-                    pc = self.r[15];
-                    self.count_from(pc, self.cycle);
-                    self.stop_before_limit(page, pc, self.cycle);
-                    continue;
+                    self.stop = 0;
+                    it = self.it;
                 }
                 Err(fault) => {
                     self.catch_up();
-                    self.fail(bus, op, 0, fault);
+                    self.fail(bus, op, it, fault);
                     return;
                 }
             }
@@ -315,10 +333,54 @@ impl<C: Cost> Core<C> {
             // These counts never come near 2^64, so the additions wrap and save an overflow check in each instruction.
             self.retired = self.retired.wrapping_add(1);
             if pc >= self.stop {
+                if it != 0 {
+                    if op.block == Block::KeepsFlags {
+                        self.flags = self.kept_flags;
+                    }
+                    if let Some(next) = self.next_in_block(page) {
+                        (it, pc) = (next, self.r[15]);
+                        continue;
+                    }
+                }
                 self.catch_up();
                 return;
             }
         }
+    }
+
+    /// Prepares the next instruction in or behind an IT block on the fast clock, after those whose condition fails.
+    /// Returns its EPSR.IT, which is 0 behind the block, or `None` where the burst ends.
+    #[inline(never)]
+    fn next_in_block(&mut self, page: &Page) -> Option<u8> {
+        loop {
+            let (it, pc) = (self.it, self.r[15]);
+            self.set_stop(page, pc);
+            if pc >= self.stop || !page.holds(pc) {
+                return None;
+            }
+            if it == 0 {
+                return Some(0);
+            }
+            let op = page.op(pc);
+            if op.is_unconditional() || !op.block.allows(it) {
+                return None;
+            }
+            self.it = after(it);
+            if self.passes(it >> 4) {
+                self.kept_flags = self.flags;
+                self.stop = 0;
+                return Some(it);
+            }
+            self.r[15] = pc.wrapping_add(u32::from(op.size));
+            self.retired = self.retired.wrapping_add(1);
+        }
+    }
+
+    /// Sets `stop` to the address at which straight execution from `pc` on reaches the limit or the end of the page.
+    #[inline(always)]
+    fn set_stop(&mut self, page: &Page, pc: u32) {
+        self.stop = page.end();
+        self.stop_before_limit(page, pc, self.cycle_at(pc));
     }
 
     /// On the fast clock, notes that the instruction at `pc` begins at `cycle`.
@@ -405,11 +467,11 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Adds the wait states of fetching `op`. A breakpoint adds none, because its instruction is fetched only when it
-    /// is executed.
+    /// Adds the wait states of fetching `op`. At a breakpoint, whose size is 0, no instruction is fetched yet: time
+    /// stands still until the instruction at the breakpoint is executed.
     #[inline(always)]
     fn count_fetch<B: Bus>(&mut self, bus: &mut B, op: &Op, pc: u32) {
-        if C::BOUND.is_some() && !matches!(op.what, Do::Breakpoint) {
+        if C::BOUND.is_some() && op.size != 0 {
             self.fetch_waits(bus, pc, u32::from(op.size));
         }
     }
@@ -443,14 +505,10 @@ impl<C: Cost> Core<C> {
     #[inline(never)]
     fn begins_in_block<B: Bus>(&mut self, bus: &mut B, op: &Op) -> bool {
         let it = self.it;
-        // Breakpoints and semihosting calls are not instructions. BKPT and fetch faults do not depend on the condition.
-        if matches!(op.what, Do::Breakpoint | Do::HostCall | Do::Bkpt)
-            || matches!(op.what, Do::Fault(Fault::BusInstruction | Fault::MemInstruction))
-        {
+        if op.is_unconditional() {
             return true;
         }
-        let last = it & 0xF == 8;
-        if op.block == Block::Never || op.block == Block::Last && !last {
+        if !op.block.allows(it) {
             self.fail(bus, op, it, Fault::Undefined);
             return false;
         }
@@ -459,32 +517,41 @@ impl<C: Cost> Core<C> {
         if self.passes(it >> 4) {
             return true;
         }
-        self.r[15] = self.r[15].wrapping_add(u32::from(op.size));
-        self.cycle += if C::BOUND.is_some() { 1 } else { u64::from(op.size / 2) };
-        self.retired += 1;
+        self.pass_over(op);
         false
     }
 
+    /// Counts an instruction in an IT block whose condition fails.
+    #[inline(always)]
+    fn pass_over(&mut self, op: &Op) {
+        self.r[15] = self.r[15].wrapping_add(u32::from(op.size));
+        self.cycle += if C::BOUND.is_some() { 1 } else { u64::from(op.size / 2) };
+        self.retired += 1;
+    }
+
     /// Adds the wait states of the words of an instruction that the previous instruction has not fetched.
-    fn fetch_waits<B: Bus>(&mut self, bus: &mut B, pc: u32, size: u32) {
+    #[inline(always)]
+    pub(crate) fn fetch_waits<B: Bus>(&mut self, bus: &mut B, pc: u32, size: u32) {
+        let last = pc.wrapping_add(size - 2) & !3;
+        for word in [pc & !3, last] {
+            if word != self.fetched {
+                self.fetch_word(bus, word);
+            }
+        }
+    }
+
+    /// Adds the wait states of fetching the word at `word`.
+    #[inline(always)]
+    fn fetch_word<B: Bus>(&mut self, bus: &mut B, word: u32) {
         let Some(bound) = C::BOUND else {
             return;
         };
-        let last = pc.wrapping_add(size.max(2) - 2) & !3;
-        for word in [pc & !3, last] {
-            if word != self.fetched {
-                self.fetched = word;
-                let access = Access {
-                    address: word,
-                    width: Width::Word,
-                    purpose: Purpose::Fetch,
-                    privileged: self.is_privileged(),
-                    cycle: self.cycle,
-                    pc,
-                };
-                self.cycle += u64::from(bus.wait_states(&access, bound));
-            }
-        }
+        self.fetched = word;
+        let waits = match bus.memory_waits(word, true, self.cycle, bound) {
+            Some(waits) => waits,
+            None => self.asked_waits(bus, word, Width::Word, Purpose::Fetch, bound),
+        };
+        self.cycle = self.cycle.wrapping_add(u64::from(waits));
     }
 
     /// Stops the run at a breakpoint or a semihosting call.

@@ -309,6 +309,11 @@ impl<B: Board> Bus for Side<B> {
         self.part.wait_states(access, bound)
     }
 
+    #[inline(always)]
+    fn memory_waits(&mut self, address: u32, fetch: bool, cycle: Cycle, bound: Bound) -> Option<u32> {
+        self.part.memory_waits(address, fetch, cycle, bound)
+    }
+
     fn bit_banding(&self) -> bool {
         self.part.bit_banding()
     }

@@ -434,6 +434,18 @@ impl Part for Nrf52840 {
         &mut self.soc.signals
     }
 
+    #[inline(always)]
+    fn memory_waits(&mut self, address: u32, _fetch: bool, cycle: Cycle, bound: Bound) -> Option<u32> {
+        match bound {
+            Bound::Best => (address < 0x4000_0000).then_some(0),
+            Bound::Worst if address < FLASH_BYTES => Some(self.soc.flash_waits()),
+            Bound::Worst if matches!(memory::place(address), Some(memory::Place::Ram(_))) => {
+                Some(self.soc.contention(address, cycle))
+            }
+            Bound::Worst => None,
+        }
+    }
+
     /// The wait states of an access. From the PS: flash takes 2 without the instruction cache and 3 on a cache miss,
     /// RAM takes none (4.1, *Electrical specification*, W_FLASH, W_FLASHCACHE, W_RAM). Assumed: 1 if EasyDMA may access
     /// the same RAM, 1 to 6 through the bridge to the peripheral bus, and 0 to 1 to GPIO, which is on the AHB.

@@ -188,6 +188,13 @@ pub trait Part: Clone + std::fmt::Debug + Send + 'static {
     /// The wait states of an access, see [`cortex_m4::Bus::wait_states`].
     fn wait_states(&mut self, access: &Access, bound: Bound) -> u32;
 
+    /// The wait states of an access to memory, see [`cortex_m4::Bus::memory_waits`].
+    #[inline(always)]
+    fn memory_waits(&mut self, address: u32, fetch: bool, cycle: Cycle, bound: Bound) -> Option<u32> {
+        let _ = (address, fetch, cycle, bound);
+        None
+    }
+
     /// Whether the part has the core's bit-band aliases.
     fn bit_banding(&self) -> bool {
         false

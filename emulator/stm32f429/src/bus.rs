@@ -340,6 +340,13 @@ impl Stm32f429 {
         result
     }
 
+    /// The cycles for which DMA delays an access to RAM or to a bridge. Assumed, since no manual has figures: at worst
+    /// one cycle while a DMA controller is active.
+    #[inline(always)]
+    pub(crate) fn contention(&self, bound: Bound) -> u32 {
+        u32::from(bound == Bound::Worst && self.dma.iter().any(Dma::is_active))
+    }
+
     /// The offset in flash of an address in flash or in the alias of flash at 0.
     #[inline]
     pub(crate) fn flash_offset(&self, address: u32) -> Option<u32> {

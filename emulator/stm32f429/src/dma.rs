@@ -382,6 +382,7 @@ impl Dma {
         Self { number, streams: [Stream::OFF; 8] }
     }
 
+    #[inline]
     pub(crate) fn is_active(&self) -> bool {
         self.streams.iter().any(Stream::is_on)
     }

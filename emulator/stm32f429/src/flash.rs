@@ -473,6 +473,7 @@ impl FlashControl {
 
     /// The wait states of a read: none if prefetch or a cache has the data, else the latency. At worst each line of 128
     /// bits is fetched again (RM0090 3.5.2).
+    #[inline(always)]
     pub(crate) fn wait_states(&mut self, address: u32, fetch: bool, bound: Bound) -> u32 {
         let cached = if fetch { self.acr & (PREFETCH | INSTRUCTION_CACHE) } else { self.acr & DATA_CACHE } != 0;
         match bound {

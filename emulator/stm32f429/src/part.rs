@@ -143,13 +143,23 @@ impl Part for Stm32f429 {
         &mut self.signals
     }
 
+    #[inline(always)]
+    fn memory_waits(&mut self, address: u32, fetch: bool, _cycle: Cycle, bound: Bound) -> Option<u32> {
+        if address.wrapping_sub(flash::BASE) < flash::SIZE {
+            Some(self.flash.wait_states(address, fetch, bound))
+        } else if address.wrapping_sub(SRAM_BASE) < SRAM_SIZE {
+            Some(self.contention(bound))
+        } else {
+            None
+        }
+    }
+
     fn wait_states(&mut self, access: &Access, bound: Bound) -> u32 {
         let address = access.address;
         if self.flash_offset(address).is_some() {
             return self.flash.wait_states(address, access.purpose == Purpose::Fetch, bound);
         }
-        // No manual has figures. Assumed: an active DMA controller takes the RAM or the bridge for one cycle.
-        let contention = u32::from(bound == Bound::Worst && self.dma.iter().any(Dma::is_active));
+        let contention = self.contention(bound);
         match address {
             0x4000_0000..0x4002_0000 => {
                 // Assumed: an access has the setup and access phases of the APB, and at worst waits for the bridge's

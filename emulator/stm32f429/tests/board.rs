@@ -2,7 +2,7 @@
 
 use crate::rig;
 
-use cortex_m4::{BusError, Signals, Width};
+use cortex_m4::{Access, Bound, BusError, Purpose, Signals, Width};
 use emulator_part::{FindingKind, Pad, Part, Pin, Reset, SpiMode, UartFrame};
 use rig::*;
 use stm32f429::Oscillators;
@@ -30,6 +30,33 @@ fn too_few_wait_states_make_flash_unreadable() {
     assert!(rig.found(FindingKind::Misuse, "too few wait states"));
     rig.write(FLASH, 4 | 0x700);
     assert_eq!(rig.part.fetch(0x0800_0000), Ok(0xFFFF));
+}
+
+#[test]
+fn the_short_way_to_wait_states_tells_what_the_long_way_tells() {
+    let mut rig = Rig::board();
+    let mut waited = 0;
+    for (acr, dma) in [(4, 0), (4 | 0x700, 0), (4 | 0x700, 1)] {
+        rig.write(FLASH, acr);
+        rig.set(RCC + 0x30, 1 << 22);
+        rig.write(DMA2 + 0x14, 1);
+        rig.write(DMA2 + 0x10, dma);
+        let (mut long, mut short) = (rig.part.clone(), rig.part.clone());
+        for (address, fetch) in [(0, true), (4, true), (16, true), (16, false), (20, true), (24, true)] {
+            for (address, bound) in [0x0800_0000, 0x2000_0000]
+                .into_iter()
+                .flat_map(|base| [(base + address, Bound::Best), (base + address, Bound::Worst)])
+            {
+                let (width, purpose) = (Width::Word, if fetch { Purpose::Fetch } else { Purpose::Data });
+                let access = Access { address, width, purpose, privileged: true, cycle: 0, pc: 0 };
+                let waits = long.wait_states(&access, bound);
+                assert_eq!(short.memory_waits(address, fetch, 0, bound), Some(waits), "ACR {acr:#x}, {access:x?}");
+                waited += u32::from(waits == 4) + u32::from(waits == 1 && address >= 0x2000_0000);
+            }
+        }
+    }
+    assert!(waited > 10, "{waited}");
+    assert_eq!(rig.part.memory_waits(RCC, false, 0, Bound::Worst), None);
 }
 
 #[test]

@@ -448,7 +448,11 @@ impl<C: Cost> Core<C> {
             Do::Fp(op) => self.execute_fp(bus, op)?,
             Do::Fault(fault) => return Err(fault),
             Do::Breakpoint => self.pause(Exit::Breakpoint),
-            Do::HostCall => self.pause(Exit::HostCall),
+            Do::HostCall => {
+                // Its size is 0, so the run loop has not counted the fetch.
+                self.fetch_waits(bus, self.r[15], 2);
+                self.pause(Exit::HostCall);
+            }
             // The run loop decodes an instruction before it executes it.
             Do::Unknown => return Err(Fault::BusInstruction),
         }

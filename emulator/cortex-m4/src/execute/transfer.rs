@@ -89,17 +89,9 @@ impl<C: Cost> Core<C> {
         let (address, offset) = self.dual_address(index, n, imm)?;
         let purpose = if n == 15 { Purpose::Literal } else { Purpose::Data };
         let privileged = self.is_privileged();
-        let short = self.reaches(address, 8, false, privileged).then(|| {
-            let first = bus.read_memory(address, Width::Word)?;
-            Some((first, bus.read_memory(address.wrapping_add(4), Width::Word)?))
-        });
-        let (first, second) = match short.flatten() {
-            Some(both) => both,
-            None => {
-                let first = self.load(bus, address, Width::Word, purpose)?;
-                (first, self.load(bus, address.wrapping_add(4), Width::Word, purpose)?)
-            }
-        };
+        let reached = self.reaches(address, 8, false, privileged);
+        let first = self.load_next(bus, address, purpose, reached)?;
+        let second = self.load_next(bus, address.wrapping_add(4), purpose, reached)?;
         if index != Index::Offset {
             self.set(n, offset);
         }
@@ -240,7 +232,7 @@ impl<C: Cost> Core<C> {
                 self.put_list(&values, moved & !rest);
                 return Ok(self.interrupt_multiple(register, rest.count_ones()));
             }
-            values[register] = self.load_next(bus, address, reached)?;
+            values[register] = self.load_next(bus, address, Purpose::Data, reached)?;
             address = address.wrapping_add(4);
             rest &= rest - 1;
             done += 1;

@@ -191,21 +191,30 @@ impl Soc {
         if self.moving >> SPIM3 & 1 == 1 { 1 } else { 32 / Cycle::from(self.moving.count_ones().max(1)) }
     }
 
-    pub(crate) fn worst_wait_states(&mut self, access: &Access) -> u32 {
-        // On the AHB multilayer the processor has the highest priority. It waits only for an access of EasyDMA that has
-        // already begun, to the same slave (PS 4.7).
-        let contention = u32::from(
-            self.moving != 0
-                && self.memory.may_meet_dma(access.address)
-                && access.cycle.wrapping_sub(self.met_dma) >= self.dma_interval(),
-        );
-        if contention != 0 {
-            self.met_dma = access.cycle;
+    /// The cycles for which an access to RAM at `cycle` waits for EasyDMA at worst. The processor has the highest
+    /// priority on the AHB multilayer. It waits only for an access of EasyDMA to the same slave that has already begun
+    /// (PS 4.7).
+    #[inline(always)]
+    pub(crate) fn contention(&mut self, address: u32, cycle: Cycle) -> u32 {
+        let waits = self.moving != 0
+            && self.memory.may_meet_dma(address)
+            && cycle.wrapping_sub(self.met_dma) >= self.dma_interval();
+        if waits {
+            self.met_dma = cycle;
         }
+        u32::from(waits)
+    }
+
+    /// The wait states of a read of flash at worst.
+    #[inline(always)]
+    pub(crate) fn flash_waits(&self) -> u32 {
+        if self.parts.nvmc.is_cached() { 3 } else { 2 }
+    }
+
+    pub(crate) fn worst_wait_states(&mut self, access: &Access) -> u32 {
         match access.address {
-            0..FLASH_BYTES if self.parts.nvmc.is_cached() => 3,
-            0..FLASH_BYTES => 2,
-            0x0080_0000..0x0084_0000 | 0x2000_0000..0x2004_0000 => contention,
+            0..FLASH_BYTES => self.flash_waits(),
+            0x0080_0000..0x0084_0000 | 0x2000_0000..0x2004_0000 => self.contention(access.address, access.cycle),
             0x4000_0000..0x5000_0000 => 6,
             _ => 1,
         }

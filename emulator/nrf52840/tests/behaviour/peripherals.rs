@@ -235,6 +235,29 @@ fn wait_states_depend_on_the_cache_and_on_who_else_moves_data() {
 }
 
 #[test]
+fn the_short_way_to_wait_states_tells_what_the_long_way_tells() {
+    let mut rig = Rig::new();
+    let settings = [(NVMC + 0x540, 1), (SPIM0 + 0x500, 7), (SPIM0 + 0x544, RAM), (SPIM0 + 0x548, 100)];
+    rig.write_all(&settings);
+    rig.write(SPIM0 + 0x10, 1);
+    rig.run_to(10 * US);
+    let (mut long, mut short, mut contended) = (rig.part.clone(), rig.part, 0);
+    for cycle in 0..200 {
+        for (address, bound) in [0x400, RAM, RAM + 0x2_0000, 0x0080_0000]
+            .into_iter()
+            .flat_map(|address| [(address, Bound::Best), (address, Bound::Worst)])
+        {
+            let (width, purpose) = (Width::Word, Purpose::Data);
+            let waits = long.wait_states(&Access { address, width, purpose, privileged: true, cycle, pc: 0 }, bound);
+            assert_eq!(short.memory_waits(address, false, cycle, bound), Some(waits), "{address:#x}, cycle {cycle}");
+            contended += u32::from(address == RAM && waits == 1);
+        }
+    }
+    assert!(contended > 3, "{contended}");
+    assert_eq!(short.memory_waits(SPIM0, false, 0, Bound::Worst), None);
+}
+
+#[test]
 fn a_clone_runs_on_as_the_original_does() {
     let mut rig = with_twim();
     rig.write_all(&[(SPIM0 + 0x08, 1), (RNG, 1)]);
