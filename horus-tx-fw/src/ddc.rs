@@ -357,7 +357,7 @@ impl Ddc {
         }
     }
 
-    /// Takes the recovery of the bus one level further, when the last level has lasted for [`STEP_US`].
+    /// Drives the next level of the bus's recovery, when the level before it has lasted for [`STEP_US`].
     pub fn step(&mut self) -> Order {
         let State::Recovering(step) = self.state else { return Order::Nothing };
         self.state = State::Recovering(step.saturating_add(1));

@@ -9,8 +9,8 @@
 //! 2. Write ([`Part::Write`]): the role's [`Setting`]s, in order.
 //! 3. Read back ([`Part::ReadBack`]): IO, regulator control and the same [`Setting`]s; each must read as written. While
 //!    the chip runs they are read back again, one after each frame ([`BringUp::read_next`]).
-//! 4. Operate ([`Part::Operate`]): receiver or field on, the role's last commands, operation control, mode and bit
-//!    rate read back.
+//! 4. Operate ([`Part::Operate`]): switch the receiver or the field on, send the role's last commands, and read back
+//!    operation control, mode and bit rate.
 //!
 //! The order of the first part is the data sheet's power-up sequence. Two more steps serve a chip in an unknown state.
 //! The IO drivers are set before the identity is read, so that MISO is driven as strongly as in operation. The

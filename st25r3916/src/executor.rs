@@ -168,8 +168,8 @@ impl<M: Machine, P: Port> Executor<M, P> {
         self.arrived.take().filter(|_| self.reading_to.is_none()).map(NonZeroUsize::get)
     }
 
-    /// Evaluates the port's state and continues as far as possible. After an event the owner calls
-    /// [`Executor::resume`], [`Executor::go_on`] or [`Executor::resume_later`].
+    /// Evaluates the port's state, and carries out the machine's steps until one waits for the hardware or an event
+    /// comes. After an event the owner calls [`Executor::resume`], [`Executor::go_on`] or [`Executor::resume_later`].
     pub fn poll(&mut self) -> Option<M::Event> {
         let step = match self.waiting {
             Waiting::Transfer if self.port.ended() => {

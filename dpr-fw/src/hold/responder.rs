@@ -202,7 +202,7 @@ where
         self.executor.go_on(|_| Step::Transfer(Transfer::Short(Answerer::transmit())))
     }
 
-    /// Gives up a buffer into which a frame may have been written, and goes on with a clean one.
+    /// Replaces the receive buffer by a clean one, because bytes of a frame that is given up may be in it.
     fn replace_buffer(&mut self, telemetry: &HoldTelemetry) {
         let Self { executor, rotation, .. } = self;
         executor.port().exchange(|begun| {

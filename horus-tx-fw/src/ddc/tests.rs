@@ -31,7 +31,8 @@ struct Rig {
     delivered: Vec<u8>,
     levels: Vec<(bool, bool)>,
     is_there: bool,
-    /// An AND mask for the number of waiting bytes. A pulse on SDA clears its other bits.
+    /// The bits that survive in the number of waiting bytes, as a mask. A pulse on SDA clears the other bits of that
+    /// number.
     count_mask: u16,
     bus: Bus,
 }

@@ -92,7 +92,7 @@ impl DdcSource {
         i2c.cr1().write(|w| w);
         // SAFETY: the bus's frequency is 36 MHz, and 2 to 50 may be written (RM0090 "I2C", control register 2).
         i2c.cr2().write(|w| unsafe { w.freq().bits(mhz as u8) });
-        // SCL is low for twice the time in CCR (DUTY 0), and high for that time once.
+        // With DUTY 0, SCL is low for twice the time in CCR, and high for the time in CCR.
         let ccr = (timing::GNSS_I2C_LOW_NS / 2 * mhz).div_ceil(1_000);
         // SAFETY: the value is 36, and 1 to 4095 may be written in fast mode with DUTY 0.
         i2c.ccr().write(|w| unsafe { w.f_s().set_bit().ccr().bits(ccr as u16) });

@@ -48,8 +48,8 @@ impl Region {
     }
 }
 
-/// A range of addresses that all have the same rights while the MPU applies. A span has sixteen bytes, so a shift finds
-/// it in a list.
+/// A range of addresses that all have the same rights while the MPU applies. The struct has sixteen bytes, so that a
+/// shift finds an entry in a list of spans.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(16))]
 struct Span {
@@ -126,7 +126,8 @@ impl Mpu {
     /// Computes the spans. Rights change only where a region, an eighth of a region or an area of the default map
     /// begins or ends.
     fn work_out(&mut self) {
-        // The default map has eight areas. A region has two ends, and seven addresses between its eighths.
+        // Rights change at 8 + 8 · 9 addresses at most: the default map has eight areas, and each of eight regions has
+        // two ends and seven addresses between its eighths.
         let mut edges = [0_u32; 8 + 8 * 9];
         let mut count = 0;
         let mut add = |edge: u32| {

@@ -93,8 +93,8 @@ fn the_outside_sees_the_cpu_take_the_semaphore_and_give_it_back() {
     rig.assert_clean();
 }
 
-/// Bytes exchanged in runs must equal bytes exchanged one by one, in granted and other transactions, within the buffers
-/// and past their ends.
+/// Bytes that are exchanged many at a time must equal bytes exchanged one by one, in granted and other transactions,
+/// within the buffers and past their ends.
 #[test]
 fn bytes_exchanged_together_are_those_exchanged_one_by_one() {
     for granted in [true, false] {
@@ -127,7 +127,7 @@ fn bytes_exchanged_together_are_those_exchanged_one_by_one() {
         together.run_to(began + US * (mosi.len() as u64 + 1));
         together.deselect(CSN);
 
-        // RXD has 8 bytes, so a run ends at the eighth byte, which raises ENDRX.
+        // RXD has 8 bytes, so an exchange of many bytes stops at the eighth, which raises ENDRX.
         assert_eq!(runs, if granted { vec![8, 3] } else { vec![11] });
         assert_eq!(miso.into_iter().map(Some).collect::<Vec<_>>(), alone);
         assert_eq!(together.memory(RX, 9), one_by_one.memory(RX, 9));
