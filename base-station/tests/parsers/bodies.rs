@@ -39,7 +39,7 @@ fn pieces(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
 }
 
 pub(crate) fn mavlink(bytes: &[u8]) {
-    // Bytes at the end may look like the beginning of a message. The added zeros complete it.
+    // The input's last bytes may look like the beginning of a message. The added zeros complete that message.
     let ended = [bytes, &[0; 600]].concat();
     let whole = Receiver::default().datagram(NOW, &ended);
     let mut receiver = Receiver::default();

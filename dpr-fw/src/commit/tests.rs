@@ -290,8 +290,8 @@ fn the_deadline_counts_from_the_end_of_the_frame() {
 
 #[test]
 fn a_frame_and_a_deadline_give_the_same_images_in_either_order() {
-    // The frame ends this many µs after the deadline. From 0 on the frame is late, so an image without objects comes
-    // first.
+    // `after_us` is the time from the deadline to the frame's end, µs. A frame that ends at the deadline or later is
+    // late, so an image without objects comes first.
     for after_us in [-1_i32, 0, 1, 150] {
         let mut images = Vec::new();
         for timer_first in [false, true] {

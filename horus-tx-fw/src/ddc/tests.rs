@@ -8,7 +8,7 @@ use std::{collections::VecDeque, vec, vec::Vec};
 
 const FREE: Bus = Bus { scl: true, sda: true, busy: false };
 
-/// A fault that is injected at one order of a cycle.
+/// A fault of the bus that a test injects when the I2C port gives a certain order of a cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Fault {
     /// The receiver holds the clock low, so no further event comes. Until then a read has brought this number of bytes.
@@ -21,7 +21,8 @@ enum Fault {
     StreamFails,
 }
 
-/// A model of the peripheral and a receiver, which carries orders out and calls with the events that follow.
+/// A model of the I2C peripheral and of a receiver. It carries out the port's orders, and reports to the port the
+/// events that follow.
 struct Rig {
     ddc: Ddc,
     waiting: VecDeque<u8>,

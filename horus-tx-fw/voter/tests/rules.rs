@@ -133,14 +133,14 @@ fn the_age_of_a_message_follows_from_its_lag_behind_the_others() {
         ([90, 100, 130], [40, 50, 80]),
         ([130, 90, 100], [80, 40, 50]),
         ([100, 150, 50], [50, 100, 0]),
-        // In the next rows, one time of week is farther from the others than the voter accepts.
+        // In the rows from here on, one receiver's time of week is farther from the others than the voter accepts.
         ([100, 151, 49], [50, 50, 50]),
         ([100, 400_000, 110], [40, 50, 50]),
         ([400_000, 100, 110], [50, 40, 50]),
         ([0, WEEK_MS / 2 - 9, WEEK_MS / 2], [50, 50, 59]),
         // Times of week half a week from the first cannot be compared, so every latency is assumed.
         ([0, WEEK_MS / 2, WEEK_MS / 2 + 9], [50, 50, 50]),
-        // In the next rows the week ends between the receivers' times of week.
+        // In the rows from here on, the week ends between the receivers' times of week.
         ([5, LAST, LAST - 20], [56, 50, 30]),
         ([LAST, 5, 15], [44, 50, 60]),
         ([LAST, LAST - 30, 9], [50, 20, 60]),
@@ -748,7 +748,7 @@ fn an_altitude_that_jumps_is_held_back_by_itself() {
         assert_eq!((verdict.members, altitude(&verdict)), (0b111, None));
     }
     assert_eq!(altitude(&flight.tick(high)), Some(1_012.345));
-    // The greatest step in height that counts as no jump is 3 √2 of 2.505 m, and 2 m.
+    // The greatest step in height that counts as no jump is 3 √2 · 2.505 m plus 2 m.
     let reach = 3.0 * 2.0_f64.sqrt() * 2.505 + 2.0;
     for sign in [1.0, -1.0] {
         for (by, shown) in [(reach - 0.01, true), (reach + 0.01, false)] {

@@ -483,7 +483,7 @@ fn a_frame_without_end_is_dropped_6_ms_after_its_sync() {
             hears(&mut rig, &mut listener, 244);
             let log = rig.log();
             assert_eq!(log[0], "59 00 00 00 00 00 00 00");
-            // An empty FIFO needs no clear, so the transfers may lack it.
+            // An empty FIFO needs no clear, so the recorded transfers may lack the clear.
             assert!(log[1] == "D1" || log[1..3] == ["DB", "D1"], "{log:?}");
             assert_eq!(listener.counters().no_end, 1);
             rig.assert_no_misuse();

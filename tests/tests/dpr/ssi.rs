@@ -194,8 +194,8 @@ pub(crate) fn serve(cycles: &Cycles) {
         }
     }
     defmt::assert_eq!(port.released, granted);
-    // The flight controller waits until the buffers are released, so that time has a bound and a limit for its spread.
-    // The whole call has a bound only, because its time depends on how many areas the port task has.
+    // The flight controller waits until the buffers are released, so that time has a bound and may vary only within a
+    // limit. The whole call has a bound only, because its time depends on how many areas the port task has.
     released[0].assert("Server::serve, until the release", bounds(330, 250, 330, 16));
     released[1].assert("Server::serve, until the release, area just returned", bounds(360, 280, 360, 16));
     released[2].assert("Server::serve, until the release, areas used up", bounds(400, 330, 420, 16));

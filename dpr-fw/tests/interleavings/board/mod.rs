@@ -212,7 +212,7 @@ impl At {
         }
     }
 
-    /// Records that of all that the running task has seen, only `what` still determines its next steps.
+    /// Records that the next steps of the running task depend on `what`, and on nothing else that the task has seen.
     fn forget_all_but(&self, what: impl std::hash::Hash) {
         if let Some(frame) = self.0.frames.borrow_mut().last_mut() {
             frame.seen = digest(what);

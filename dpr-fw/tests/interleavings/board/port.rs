@@ -39,7 +39,7 @@ impl At {
 impl Doorbell for At {
     fn request(&mut self) -> bool {
         let Board { hw, bounds, .. } = &*self.0;
-        // The image is in the mailbox at this point, and so counts as published.
+        // The image was put into the mailbox before this request, so it counts as published.
         let generation = self.0.generation.get();
         hw.borrow_mut().published = generation;
         if bounds.mutation == Mutation::FreshBeforeTaken {
