@@ -2,9 +2,12 @@
 
 use crate::boards;
 
-use bench::faults::{Fault, Faults, HoldFault, Kind};
+use bench::faults::hold::Hostile;
+use bench::faults::power::{sag_length, shape};
+use bench::faults::{Board, Fault, Faults, HoldFault, Kind, PowerFault};
 use bench::report::Report;
 use bench::sim::{Bench, Finished, Images, Setup};
+use bench_judge::{Event, HoldEvent, Log, What};
 use boards::{hold_image, image};
 use cortex_m4::{Cost, Fast, Pessimistic};
 use emulator_node::Threads;
@@ -111,6 +114,93 @@ fn no_fault_of_the_hold_moves_a_figure_of_horus() {
     }
     assert_eq!(seen.len(), 17, "{seen:?}");
     assert_eq!(moved, [], "{expected:?} without a hold");
+}
+
+/// Objects of HORUS that the DPR accepted and rejected.
+fn objects(finished: &Finished) -> (u64, u64) {
+    (finished.report.dpr.objects_accepted, finished.report.dpr.objects_rejected)
+}
+
+/// A short form of `cargo xtask sim --hold --faults hostile --seconds 1030`, with each kind of hostile hold.
+#[test]
+fn a_hostile_hold_costs_horus_no_object_and_adds_none() {
+    for gps in [1, 3] {
+        let Some(mut setup) = setup(gps, 8_000 * MS) else { return };
+        let quiet = objects(&run::<Fast>(&setup, Threads::Two));
+        setup.faults = Faults::drawn(&[Kind::Hostile], gps, 1, setup.duration_ns);
+        assert!(setup.faults.episodes().len() >= 5, "{:?}", setup.faults);
+        let finished = run::<Fast>(&setup, Threads::Two);
+        assert_eq!(words(&finished), [""; 0], "{gps} receivers");
+        assert_eq!(objects(&finished), quiet, "{gps} receivers");
+    }
+}
+
+/// The offset of the counter `rests` in the DPR's telemetry of the port.
+const RESTS: usize = 4 * 8;
+
+#[test]
+fn the_ports_tasks_check_in_while_the_port_rests() {
+    let Some(mut setup) = setup(3, 4_000 * MS) else { return };
+    let floods = Fault::Hold(HoldFault::Hostile(Hostile::Random, 5));
+    setup.faults = Faults::none().with(500 * MS, 3_900 * MS, floods);
+    let mut bench = Bench::<Fast>::new(&setup).unwrap();
+    bench.run_to(setup.duration_ns, Threads::Two);
+    assert_eq!(dpr_fw::hold::HoldTelemetry::NAMES[RESTS / 4], "rests");
+    let rests = boards::counter(bench.dpr(), "DPR_HOLD_TELEMETRY", RESTS);
+    eprintln!("the port rests {rests} times in 34 periods");
+    assert!((20..=35).contains(&rests), "{rests}");
+    // A task that does not check in for 100 ms makes the watchdog bite.
+    assert_eq!(bench.dpr().resets().iter().map(|reset| reset.at).collect::<Vec<_>>(), [0]);
+}
+
+/// The seed of a sag that takes the supply at once below the DPR's warning and not below its brown-out threshold.
+fn sag_at_once() -> u64 {
+    let is_one = |seed: &u64| matches!(shape(*seed)[..], [_, (0, uv), (after, _), ..] if after > MS && (1_700_000..2_500_000).contains(&uv));
+    (0..).find(is_one).expect("a shape has a step in one of eight")
+}
+
+#[test]
+fn a_dpr_in_its_safe_state_sends_the_hold_no_answer() {
+    let Some(mut setup) = setup(1, 1_500 * MS) else { return };
+    let quiet = run::<Fast>(&setup, Threads::Two).log;
+    let heard = quiet.events.iter().find_map(|event| match event.what {
+        What::Hold(HoldEvent::Heard(_)) if event.at > 1_000 * MS => Some(event.at),
+        _ => None,
+    });
+    let heard = heard.expect("a frame of the hold");
+    let answers = |log: &Log| {
+        let is_one = |event: &&Event| match &event.what {
+            What::Hold(HoldEvent::Answered(answer)) => (heard..heard + 50 * MS).contains(&answer.started),
+            _ => false,
+        };
+        log.events.iter().filter(is_one).count()
+    };
+    assert_eq!(answers(&quiet), 1);
+    let seed = sag_at_once();
+    // The answer's first bytes are loaded after 0.3 ms, and a timer starts it after 2.0 ms.
+    for after in [100, 400, 1_000, 1_950].map(|after| heard + after * 1_000) {
+        let sag = Fault::Power(Board::Dpr, PowerFault::Sag(seed));
+        setup.faults = Faults::none().with(after, after + sag_length(seed), sag);
+        let finished = run::<Fast>(&setup, Threads::Two);
+        assert_eq!(words(&finished), [""; 0]);
+        assert_eq!(answers(&finished.log), 0, "the supply sags {} ns after the frame", after - heard);
+    }
+}
+
+/// A hold that sends HORUS's own frames over and over, in the place of its own.
+const REPLAYS: Fault = Fault::Hold(HoldFault::Hostile(Hostile::Horus, 1));
+
+#[test]
+fn frames_of_horus_that_a_coupled_hold_repeats_are_rejected_by_sequence() {
+    let Some(mut setup) = setup(1, 20_000 * MS) else { return };
+    let crosstalk = Fault::Hold(HoldFault::Crosstalk);
+    setup.faults = Faults::none().with(500 * MS, 19_000 * MS, crosstalk).with(1_000 * MS, 18_000 * MS, REPLAYS);
+    let finished = run::<Fast>(&setup, Threads::Two);
+    eprintln!("objects accepted and rejected: {:?}", objects(&finished));
+    eprintln!("{:?}", finished.report.reported);
+    assert_eq!(words(&finished), [""; 0]);
+    let (_, rejected) = objects(&finished);
+    assert!(rejected > 100, "the listener hears them: {rejected}");
 }
 
 #[test]

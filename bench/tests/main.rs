@@ -13,6 +13,7 @@ mod flow;
 mod gdb;
 mod hang;
 mod hold;
+mod hold_outputs;
 mod injected;
 mod integrity;
 mod link;

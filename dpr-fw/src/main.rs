@@ -3,10 +3,10 @@
 //!
 //! | task | when it is called | longest time until it is done |
 //! |---|---|---|
-//! | `ssi_end` | a transaction has ended, a newer image was published, the image has expired | 10 µs |
-//! | `ssi_pause` | 95 µs after a transaction's end was handled: the next end may call `ssi_end` | 10 µs |
-//! | `rf_spi`, `rf_irq`, `rf_timer` | a transfer has ended, the front end's IRQ rises, a delay is over | 40 µs |
-//! | `commit`, `deadline` | a frame is in its buffer; no frame for 12.5 ms | 0.1 ms |
+//! | `ssi_end` | a transaction has ended, a newer image was published, the image has expired | 95 µs |
+//! | `ssi_pause` | 95 µs after a transaction's end was handled: the next end may call `ssi_end` | 95 µs |
+//! | `rf_spi`, `rf_irq`, `rf_timer` | a transfer has ended, the front end's IRQ rises, a delay is over | 113 µs |
+//! | `commit`, `deadline` | a frame is in its buffer; no frame for 12.5 ms | 0.45 ms |
 //! | `scrub` | a buffer was read | 10 ms |
 //! | `port` | a transaction has brought bytes; an image was published | 10 ms |
 //! | `hold_spi`, `hold_irq`, `hold_timer` | as `rf_…`, for the front end of a hold (feature `hold`) | 1 ms |
@@ -15,11 +15,11 @@
 //! The tasks with the highest priority stand first. `build.rs` makes the table in [`dpr_fw::task`] from the tasks'
 //! attributes. The longest times have these reasons:
 //!
-//! - `ssi_*`: 10 µs after a transaction the flight controller may select again.
-//! - `rf_*`: 40 µs are two bytes on the air. A task that verifies an object early takes about 30 µs, and the front
-//!   end's FIFO holds the bytes that arrive meanwhile.
-//! - `commit`: the design allows 0.1 ms from a frame's last bit to a readable image.
-//! - `scrub`, `port`: 10 ms later the next frame needs the scrubbed buffer, and the next image the prepared area.
+//! - `ssi_*`: 95 µs after one call the next can come. The buffers are released within 10 µs (docs/timing.md#sums).
+//! - `rf_*`: in 113 µs the air brings six bytes, and the front end's FIFO holds them.
+//! - `commit`: the next frame's bytes come 0.45 ms after a frame's end at the earliest. The image is readable 0.1 ms
+//!   after that end (docs/timing.md#sums).
+//! - `scrub`, `port`: the next frame needs the buffer, and the next image the prepared area, after 10 ms.
 //! - `hold_*`: an answer has 1 ms to spare ([`dpr_fw::hold::ANSWER_US`]).
 //! - `idle`: without a feed for 100 ms the watchdog resets the part.
 //!

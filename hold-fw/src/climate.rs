@@ -157,6 +157,7 @@ mod tests {
     }
 
     proptest! {
+        // Shows HOLD-9.
         #[test]
         fn no_sequence_of_inputs_breaks_a_limit(
             steps in prop::collection::vec((any_celsius(), any::<bool>(), prop::num::f32::ANY), 1..300)

@@ -5,8 +5,8 @@
 //!
 //! | task | when it is called | longest time until it is done |
 //! |---|---|---|
-//! | `slot` | at a beat, and in the slot, in which it sends the frame | 5 µs |
-//! | `rf_spi`, `rf_irq`, `rf_timer` | a transfer has ended, the front end's IRQ rises, a delay is over | 0.1 ms |
+//! | `slot` | at a beat, and in the slot, in which it sends the frame | 10 µs |
+//! | `rf_spi`, `rf_irq`, `rf_timer` | a transfer has ended, the front end's IRQ rises, a delay is over | 0.2 ms |
 //! | `cycle` | at the tick | 0.3 ms |
 //! | `answer` | an answer has arrived | 10 ms |
 //! | `sensors` | at a beat | 25 ms |

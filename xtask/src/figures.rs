@@ -13,7 +13,7 @@ use emulator_node::Clock;
 
 use crate::size::{Footprint, footprint};
 use crate::workspace::root;
-use crate::{Board, Cli, Command, Receivers, firmware, sim};
+use crate::{Board, Cli, Command, Receivers, firmware, sim, timing};
 
 /// The lines of a report that README shows: one for each step on the way of a position, and the verdict.
 const SAMPLE: [&str; 10] = [
@@ -49,6 +49,11 @@ pub(crate) fn figures(args: &FiguresArgs) -> Result<ExitCode> {
     let readme = root().join("README.md");
     let text = std::fs::read_to_string(&readme).with_context(|| format!("could not read {}", readme.display()))?;
     write(args.check, readme, &with_sample(&text, &sample(&three[0]))?)?;
+    let path = root().join("docs/timing.md");
+    let text = std::fs::read_to_string(&path).with_context(|| format!("could not read {}", path.display()))?;
+    let (page, chart) = timing::page(&text, &path)?;
+    write(args.check, path, &page)?;
+    write(args.check, root().join("docs/timing.svg"), &chart)?;
     Ok(ExitCode::SUCCESS)
 }
 

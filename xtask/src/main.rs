@@ -39,6 +39,7 @@ mod size;
 mod speed;
 mod style;
 mod test;
+mod timing;
 mod trace;
 mod web;
 mod workspace;
@@ -76,6 +77,8 @@ enum Command {
     Web,
     /// Judge an event log again that `sim --events` stored.
     Judge(judge::JudgeArgs),
+    /// Search for the longest executions of every task, and bound its response time against its deadline.
+    Timing(timing::TimingArgs),
     /// Measure instructions per second of the core alone, and where the time of `sim` goes.
     Speed(speed::SpeedArgs),
     /// Run any ELF alone on one board of the bench: its log, its exit code, its faults.
@@ -320,6 +323,7 @@ fn dispatch(command: Command) -> Result<ExitCode> {
         Command::Live(args) => live(&args),
         Command::Web => web::web(),
         Command::Judge(args) => judge::run(&args),
+        Command::Timing(args) => timing::timing(&args),
         Command::Speed(args) => speed::speed(&args),
         Command::Run(args) => run::run(&args),
         Command::Test(args) => test::test(&args),

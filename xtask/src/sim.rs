@@ -66,8 +66,8 @@ pub(crate) struct SimArgs {
     /// Draw the flight: ground track, height, each receiver, the voted position, exclusions, time to readable.
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
-    /// Faults to inject, drawn from the seed: a list of air, gnss, fc, power, buffers, inputs, hang, chips, hold, bits,
-    /// spi, drift. `campaign` tries each fault alone, and flipped bits.
+    /// Faults to inject: a list of air, gnss, fc, power, buffers, inputs, hang, chips, hold, hostile (drawn into the run
+    /// from the seed), and of ram, flash, registers (each upset on a copy of the bench, see --upsets).
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     faults: Vec<Kind>,
     /// Flip every bit of every register of both front ends once, for both parts, each on a copy of the bench; with a
@@ -277,8 +277,10 @@ pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result
 
 /// Fails if faults of a hold are to be drawn into a run without one.
 pub(crate) fn needs_hold(faults: &[Kind], hold: bool) -> Result<()> {
-    if faults.contains(&Kind::Hold) && !hold {
-        bail!("--faults hold: there is none without --hold");
+    if let Some(kind) = faults.iter().find(|kind| matches!(kind, Kind::Hold | Kind::Hostile))
+        && !hold
+    {
+        bail!("--faults {kind}: there is none without --hold");
     }
     Ok(())
 }

@@ -1,19 +1,26 @@
 //! When the active hold, its air and the DPR are free of disturbances, so that each must do its whole work.
 
-use crate::disturbance::HoldPart;
-use crate::{Board, Disturbance, Event, What};
+use crate::disturbance::{Conduct, HoldPart, Memory};
+use crate::{Board, Disturbance, Event, What, bounds};
 
 const MS: u64 = 1_000_000;
 
-/// The time, ns, for which a disturbance of the hold's board or sensors may have effects: a watchdog's 100 ms, a start,
-/// four exchanges, and a second until the sensors have been read again.
-const HOLD_SETTLED: u64 = 2_500 * MS;
-/// The time, ns, for which a disturbance of the hold's air or of the DPR may affect the hold: the DPR's watchdog and
-/// start, and an exchange.
-const SETTLED: u64 = 300 * MS;
+/// The time after a disturbance of the hold's board after which the hold sends in each period, ns: a watchdog's 104 ms,
+/// a start, and four exchanges.
+const HOLD_SENDS: u64 = 800 * MS;
+/// The time after a disturbance of the hold's board or sensors after which its values are right, ns: as above, a second
+/// until the sensors were read again, and a second of samples.
+const HOLD_MEASURES: u64 = 2_500 * MS;
+/// The time after a disturbance of the air after which each frame and each answer arrives, ns: frames are delayed by up
+/// to 120 ms, and a port that rests goes on in the next 100 ms.
+const AIR_SETTLED: u64 = 300 * MS;
+/// The time after a start of the DPR after which its second front end receives, ns.
+const STARTED: u64 = bounds::START + bounds::ARMED;
+/// The time after a hang of the DPR, or the death of one of its tasks, until its start, ns. The start has its own event.
+const WATCHDOG: u64 = bounds::DPR_WATCHDOG_LONGEST + bounds::CHECKED_IN[Board::Dpr as usize];
 
-/// For each part of the hold's link, the instant, ns, until which a disturbance may affect it. A disturbance of HORUS
-/// alone does not count, because nothing of HORUS reaches the hold.
+/// The instants, ns, before which the hold, its air or the DPR may be disturbed. What disturbs HORUS, its air, or the
+/// DPR's front end and receive buffers for HORUS does not count: the hold has a front end and buffers of its own.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Calm {
     board: u64,
@@ -28,7 +35,7 @@ impl Calm {
         match &event.what {
             What::Injected { disturbs, until, .. } => self.disturbed(*disturbs, event.at.max(*until)),
             What::Reset { board: Board::Dpr, .. } | What::Power { board: Board::Dpr, .. } => {
-                self.dpr = self.dpr.max(event.at.saturating_add(SETTLED));
+                self.dpr = self.dpr.max(event.at.saturating_add(STARTED));
             }
             _ => {}
         }
@@ -36,19 +43,21 @@ impl Calm {
 
     fn disturbed(&mut self, disturbs: Disturbance, until: u64) {
         use Disturbance as D;
+        if disturbs == (D::Hold { part: HoldPart::Board }) {
+            self.sensors = self.sensors.max(until.saturating_add(HOLD_MEASURES));
+        }
         let (end, settled) = match disturbs {
-            D::Hold { part: HoldPart::Board } => (&mut self.board, HOLD_SETTLED),
-            D::Hold { part: HoldPart::Sensors } => (&mut self.sensors, HOLD_SETTLED),
-            D::Hold { part: HoldPart::Air } | D::Crosstalk => (&mut self.air, SETTLED),
-            D::FrontEnd { board: Board::Dpr, .. }
-            | D::Supply { board: Board::Dpr }
-            | D::Restart { board: Board::Dpr }
-            | D::Hang { board: Board::Dpr }
-            | D::DeadTask { board: Board::Dpr, .. }
-            | D::Memory { board: Board::Dpr, .. }
-            | D::Code { board: Board::Dpr }
-            | D::FlightController { .. } => (&mut self.dpr, SETTLED),
-            D::Air
+            D::Hold { part: HoldPart::Board } => (&mut self.board, HOLD_SENDS),
+            D::Hold { part: HoldPart::Sensors } => (&mut self.sensors, HOLD_MEASURES),
+            D::Hold { part: HoldPart::Air } | D::Crosstalk => (&mut self.air, AIR_SETTLED),
+            D::Supply { board: Board::Dpr } | D::Restart { board: Board::Dpr } => (&mut self.dpr, STARTED),
+            D::Hang { board: Board::Dpr } | D::DeadTask { board: Board::Dpr, .. } => (&mut self.dpr, WATCHDOG),
+            D::Memory { board: Board::Dpr, memory: Memory::Receive } => return,
+            D::Memory { board: Board::Dpr, memory: Memory::Images } => (&mut self.dpr, bounds::BUFFER_REPLACED),
+            D::Memory { board: Board::Dpr, .. } | D::Code { board: Board::Dpr } => (&mut self.dpr, WATCHDOG + STARTED),
+            D::FlightController { conduct: Conduct::Misuse } => (&mut self.dpr, bounds::MISUSE_OVER),
+            D::FlightController { conduct: Conduct::Silent }
+            | D::Air
             | D::Receiver { .. }
             | D::Input { .. }
             | D::Emission

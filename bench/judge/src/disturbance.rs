@@ -157,7 +157,7 @@ pub enum Wire {
     Radio,
     /// The GNSS signals. All receivers compute a wrong position and cannot tell.
     Sky,
-    /// The connections of hold and DPR to the air between them, and what the log states about both.
+    /// The connections of hold and DPR to the air between them, what the log states of both, and the hold's program.
     Hold,
     /// The path within the flight controller from its client's verdict to the position that it flies by.
     Client,

@@ -271,6 +271,7 @@ violations! {
     /// The hold is silent: no Hold-Status came for more than a period and a half.
     HoldSilent = "the hold is silent",
     /// A frame of the hold began less than 99 ms after the one before it.
+    // Shows HOLD-10.
     HoldEarly = "the hold sends too early",
     /// The map shows an object of the hold that did not come to the DPR within the last 300 ms.
     HoldShown = "the map shows what the hold did not say",

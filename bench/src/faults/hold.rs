@@ -79,10 +79,23 @@ pub enum HoldFault {
     Crosstalk,
     /// The run differs from its log in this respect.
     Broken(Break),
+    /// A constant in the hold's program, as in [`super::ImageFault::Constant`], which is not mended. It is not drawn.
+    Constant {
+        /// The original constant.
+        of: u32,
+        /// The new constant.
+        value: u32,
+    },
 }
 
 impl HoldFault {
-    /// Returns every fault, strong enough to be visible in an episode of average length.
+    /// Every way in which something hostile sends in the place of the hold.
+    pub(super) fn hostile(rng: &mut Rng) -> impl Iterator<Item = Self> {
+        let all = [Hostile::Random, Hostile::Horus, Hostile::Lengths, Hostile::Carrier, Hostile::Blinks];
+        all.map(|hostile| Self::Hostile(hostile, rng.word())).into_iter()
+    }
+
+    /// Every fault, so strong that an episode of average length has visible effects.
     pub(super) fn all(rng: &mut Rng) -> Vec<Self> {
         let none = AirFaults::default();
         let ways = [
@@ -99,8 +112,7 @@ impl HoldFault {
             faults.push(Self::Foreign(ForeignCard { answers: 0.7, after_ns: after, payload }));
         }
         faults.extend([Self::Power(PowerFault::Off(rng.word())), Self::Power(PowerFault::Pin), Self::Hang]);
-        let hostile = [Hostile::Random, Hostile::Horus, Hostile::Lengths, Hostile::Carrier, Hostile::Blinks];
-        faults.extend(hostile.map(|hostile| Self::Hostile(hostile, rng.word())));
+        faults.extend(Self::hostile(rng));
         for sensor in [Sensor::Climate, Sensor::Vibration] {
             faults.extend([Self::Silent(sensor), Self::Lies(sensor, rng.word())]);
         }
@@ -123,6 +135,7 @@ impl HoldFault {
             Self::BusStuck => "bus stuck".into(),
             Self::Crosstalk => "crosstalk".into(),
             Self::Broken(what) => format!("{what:?}").to_lowercase(),
+            Self::Constant { of, value } => format!("{value:#x} for {of:#x}"),
         }
     }
 
@@ -131,7 +144,7 @@ impl HoldFault {
     pub const fn disturbs(&self) -> Disturbance {
         match self {
             Self::Crosstalk => Disturbance::Crosstalk,
-            Self::Broken(_) => Disturbance::Wire { wire: Wire::Hold },
+            Self::Broken(_) | Self::Constant { .. } => Disturbance::Wire { wire: Wire::Hold },
             Self::Power(_) | Self::Hang => Disturbance::Hold { part: HoldPart::Board },
             Self::Silent(_) | Self::Lies(..) | Self::BusStuck => Disturbance::Hold { part: HoldPart::Sensors },
             Self::Frames(_) | Self::Answers(_) | Self::Foreign(_) | Self::Hostile(..) => {

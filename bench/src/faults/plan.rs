@@ -36,6 +36,9 @@ pub const HOLD_LENGTH: (u64, u64) = (200_000_000, 2_000_000_000);
 /// hold that has settled again.
 pub const HOLD_GAP: (u64, u64) = (3_500_000_000, 5_500_000_000);
 
+/// The time from one hostile hold to the next, ns: longer than the last frame of one, so that they do not overlap.
+pub const HOSTILE_GAP: (u64, u64) = (30_000_000, 60_000_000);
+
 /// The duration of a receiver's drift, ns: at its end the receiver's position is wrong by a few tens of metres.
 pub const DRIFT_LENGTH: (u64, u64) = (1_000_000_000, 3_000_000_000);
 
@@ -107,11 +110,13 @@ pub enum Kind {
     Drift,
     /// Bits of the registers of a microcontroller's peripherals.
     Peripherals,
+    /// Something hostile in the place of the active hold, nearly all the time.
+    Hostile,
 }
 
 impl Kind {
     /// All kinds.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 17] = [
         Self::Air,
         Self::Gnss,
         Self::FlightController,
@@ -128,6 +133,7 @@ impl Kind {
         Self::Spi,
         Self::Drift,
         Self::Peripherals,
+        Self::Hostile,
     ];
 
     /// Returns the kind's name in `--faults`.
@@ -150,6 +156,7 @@ impl Kind {
             Self::Spi => "spi",
             Self::Drift => "drift",
             Self::Peripherals => "peripherals",
+            Self::Hostile => "hostile",
         }
     }
 
@@ -204,7 +211,11 @@ impl Faults {
                 }
                 let Some(draw) = round.pop() else { break };
                 let begins = free_at + rng.between(gap.0, gap.1);
-                gap = if kind == Kind::Hold && round.len().is_multiple_of(4) { HOLD_GAP } else { GAP };
+                gap = match kind {
+                    Kind::Hold if round.len().is_multiple_of(4) => HOLD_GAP,
+                    Kind::Hostile => HOSTILE_GAP,
+                    _ => GAP,
+                };
                 let (least, most) = length(&draw);
                 let length = rng.between(least, most);
                 let after = draw.iter().map(|(after, _)| *after).max().unwrap_or(0);
@@ -331,6 +342,7 @@ fn all_of(kind: Kind, gps: usize, rng: &mut Rng) -> Vec<Draw> {
         Kind::Bits => vec![vec![(0, Fault::Air(AirFaults { bit_error: BIT_ERROR, ..AirFaults::default() }))]],
         Kind::Spi => BOARDS.map(|board| vec![(0, Fault::Chip(board, ChipFault::Glitches(rng.word())))]).into(),
         Kind::Drift => drifts(rng),
+        Kind::Hostile => HoldFault::hostile(rng).map(|fault| vec![(0, Fault::Hold(fault))]).collect(),
         Kind::Ram | Kind::Flash | Kind::Registers | Kind::Peripherals => vec![],
     }
 }
@@ -525,7 +537,7 @@ mod tests {
         assert_eq!(
             error,
             "\"radio\" is no kind of fault: give one or several of air, gnss, fc, power, ram, flash, registers, \
-             buffers, inputs, hang, chips, hold"
+             buffers, inputs, hang, chips, hold, hostile"
         );
     }
 
@@ -584,7 +596,8 @@ mod tests {
                         (Fault::Power(one, _), Fault::Hang(other)) => one == other,
                         _ => false,
                     } && pair[1].at - pair[0].at <= BETWEEN_BOARDS;
-                assert!(both || pair[1].at >= pair[0].until + GAP.0, "{pair:?}");
+                let gap = if kind == Kind::Hostile { HOSTILE_GAP.0 } else { GAP.0 };
+                assert!(both || pair[1].at >= pair[0].until + gap, "{pair:?}");
             }
         }
     }
@@ -611,11 +624,13 @@ mod tests {
     #[test]
     fn the_duties_of_the_hold_are_judged_in_a_drawn_run() {
         for seed in 1..4 {
-            let (alone, all) = (judged(&[Kind::Hold], seed), judged(&Kind::ALL, seed));
+            let (last, groups) = Kind::ALL.split_last().unwrap();
+            assert_eq!(*last, Kind::Hostile, "the hold never sends undisturbed beside it");
+            let (alone, all) = (judged(&[Kind::Hold], seed), judged(groups, seed));
             let is_at_least =
                 |shares: [u64; 3], least: [u64; 3]| shares.iter().zip(least).all(|(it, least)| *it >= least);
-            assert!(is_at_least(alone, [40, 40, 25]), "{alone:?}");
-            assert!(is_at_least(all, [40, 2, 25]), "{all:?}");
+            assert!(is_at_least(alone, [50, 50, 33]), "{alone:?}");
+            assert!(is_at_least(all, [50, 20, 33]), "{all:?}");
         }
     }
 
@@ -699,6 +714,7 @@ mod tests {
         }
         let flips = BOARDS.map(|board| format!("{} front end register flips", super::super::name_of(board)));
         assert_eq!(names(Kind::Chips), BTreeSet::from(flips));
+        assert_eq!(names(Kind::Hostile).len(), 5);
         for kind in [Kind::Ram, Kind::Flash, Kind::Registers] {
             assert!(of(kind).is_empty());
         }
@@ -769,9 +785,9 @@ mod tests {
     #[test]
     fn the_kinds_keep_the_numbers_that_their_draws_are_seeded_by() {
         let numbers = Kind::ALL.map(|kind| kind as u64);
-        assert_eq!(numbers, [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15]);
+        assert_eq!(numbers, [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16]);
         assert_eq!(Kind::ALL[9..12], [Kind::Hang, Kind::Chips, Kind::Hold]);
-        assert_eq!(Kind::ALL[12..], [Kind::Bits, Kind::Spi, Kind::Drift, Kind::Peripherals]);
+        assert_eq!(Kind::ALL[12..], [Kind::Bits, Kind::Spi, Kind::Drift, Kind::Peripherals, Kind::Hostile]);
     }
 
     #[test]

@@ -146,7 +146,8 @@ impl Upset {
             | Kind::Hold
             | Kind::Bits
             | Kind::Spi
-            | Kind::Drift => None,
+            | Kind::Drift
+            | Kind::Hostile => None,
         }
     }
 

@@ -24,8 +24,8 @@ use super::board_events::cause;
 use super::recorder::Recorder;
 use crate::boards::front_end::FrontEnd;
 use crate::boards::{Dpr, Hold};
-use crate::faults::HoldFault;
 use crate::faults::hold::{Break, Impostor};
+use crate::faults::{HoldFault, ImageFault};
 use crate::payload::Payload;
 use crate::report;
 use crate::world::flight_controller::{Fates, HoldUser};
@@ -94,6 +94,10 @@ impl<C: Cost> Beside<C> {
             payload_at: PAYLOAD_EVERY,
             payload_from: 0,
         }
+    }
+
+    pub(super) fn node(&mut self) -> &mut Node<Hold, C> {
+        &mut self.node
     }
 
     /// The instant, ns, beyond which the DPR must not go before [`Beside::act`] was called.
@@ -257,6 +261,11 @@ impl<C: Cost> Beside<C> {
             HoldFault::Lies(sensor, seed) => self.payload(|payload| payload.make_lie(begins.then_some((sensor, seed)))),
             HoldFault::BusStuck => self.payload(|payload| payload.hold_sda(begins)),
             HoldFault::Crosstalk => self.crosstalk = begins,
+            HoldFault::Constant { of, value } => {
+                if begins && let Err(error) = (ImageFault::Constant { of, value }).apply(&mut self.node) {
+                    recorder.note(from, What::Hold(HoldEvent::Finding { text: error.to_string() }));
+                }
+            }
             HoldFault::Broken(what) => {
                 self.broken = begins.then_some(what);
                 if begins && what == Break::Misuse {

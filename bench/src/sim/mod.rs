@@ -16,6 +16,7 @@ mod marks;
 pub mod phases;
 #[cfg(feature = "plot")]
 mod picture;
+pub mod processors;
 mod recorder;
 #[cfg(feature = "speed")]
 pub mod speed;

@@ -89,6 +89,12 @@ pub(crate) fn hold() -> Option<Node<Hold>> {
     Some(Node::new(Nrf52840::new(Settings::default()), Hold::new(chip(), 1), &image).unwrap())
 }
 
+/// The hold's board without a DPR, whose payload is drawn from `seed`; `None` if the firmware was not built.
+pub(crate) fn hold(seed: u64) -> Option<Node<Hold>> {
+    let image = Firmware::read(&hold_image()?).unwrap();
+    Some(Node::new(Nrf52840::new(Settings::default()), Hold::new(chip(), seed), &image).unwrap())
+}
+
 /// The DPR's board outside any field; `None` if the firmware was not built.
 pub(crate) fn dpr() -> Option<Node<Dpr>> {
     dpr_on(Settings::default())

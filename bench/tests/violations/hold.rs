@@ -20,12 +20,28 @@ const fn row(violation: Violation, faults: fn() -> Faults) -> Row {
     Row { duration: || 4_000 * MS, setup: with_hold, ..Row::new(violation, faults) }
 }
 
+/// Another constant in the hold's program from its start on.
+fn constant(of: u32, value: u32) -> Faults {
+    Faults::none().with(0, 1, Fault::Hold(HoldFault::Constant { of, value }))
+}
+
+/// A hold whose box is cold.
+fn cold(setup: &mut Setup) {
+    setup.seed = 2;
+    with_hold(setup);
+}
+
 fn broken(what: Break) -> Faults {
     Faults::none().with(2_000 * MS, 4_000 * MS, Fault::Hold(HoldFault::Broken(what)))
 }
 
 table! {
     a_hold_that_sends_nothing => row(Violation::HoldSilent, || broken(Break::Mute));
+    a_hold_with_a_cycle_of_96_ms => row(Violation::HoldEarly, || constant(25_000, 24_000));
+    a_hold_that_heats_with_its_whole_power => Row {
+        setup: cold,
+        ..row(Violation::HoldHeats, || constant(0.8_f32.to_bits(), 1.0_f32.to_bits()))
+    };
     a_map_with_another_temperature => row(Violation::HoldShown, || {
         let forged = WireFault::MisoForgedPort { object: 3, byte: 9, bits: 1 };
         Faults::none().with(breaks(), breaks() + 500 * MS, Fault::Wire(forged))

@@ -105,4 +105,5 @@ pub use cost::{Cost, Fast, Optimistic, Pessimistic};
 pub use describe::describe;
 pub use fault::Fault;
 pub use signals::Signals;
+pub use watch::Scheduled;
 pub use watchpoint::{Watched, Watchpoint};

@@ -152,5 +152,6 @@ impl<C: Cost> Core<C> {
 
     fn priority_changed(&mut self) {
         self.attention |= self.system.nvic.best != 0;
+        self.note_mask();
     }
 }

@@ -1,9 +1,9 @@
 //! A node, and a run of one firmware, of any part, board and clock behind one type.
 
-use cortex_m4::{Cost, Register, Watchpoint};
+use cortex_m4::{Cost, Register, Scheduled, Watchpoint};
 use emulator_part::{Part, Pin, Pins};
 
-use super::{Board, Error, Event, FromOutside, Halt, Node, Outcome, Resume, Running};
+use super::{Board, Error, Event, FromOutside, Halt, Node, Outcome, Resume, Running, Stack, Usage};
 
 /// A [`Node`] of any board and clock. The methods are those of the node.
 pub trait AnyNode {
@@ -63,6 +63,16 @@ pub trait AnyNode {
     fn take_tasks(&mut self) -> Vec<(u64, u16)>;
     /// See [`Node::take_sleeps`].
     fn take_sleeps(&mut self) -> Vec<(u64, bool)>;
+    /// See [`Node::watch_schedule`].
+    fn watch_schedule(&mut self, on: bool);
+    /// See [`Node::take_schedule`].
+    fn take_schedule(&mut self) -> Vec<(u64, Scheduled)>;
+    /// See [`Node::usage`].
+    fn usage(&self) -> Usage;
+    /// See [`Node::stack`].
+    fn stack(&self) -> Option<Stack>;
+    /// See [`Node::stack_touched`].
+    fn stack_touched(&self, stack: Stack, guard: u32) -> usize;
     /// See [`Node::exit_status`].
     fn exit_status(&self) -> Option<u32>;
     /// See [`Node::pin`].
@@ -174,6 +184,26 @@ impl<B: Board, C: Cost> AnyNode for Node<B, C> {
 
     fn take_sleeps(&mut self) -> Vec<(u64, bool)> {
         self.take_sleeps()
+    }
+
+    fn watch_schedule(&mut self, on: bool) {
+        self.watch_schedule(on);
+    }
+
+    fn take_schedule(&mut self) -> Vec<(u64, Scheduled)> {
+        self.take_schedule()
+    }
+
+    fn usage(&self) -> Usage {
+        self.usage()
+    }
+
+    fn stack(&self) -> Option<Stack> {
+        self.stack()
+    }
+
+    fn stack_touched(&self, stack: Stack, guard: u32) -> usize {
+        self.stack_touched(stack, guard)
     }
 
     fn exit_status(&self) -> Option<u32> {

@@ -67,7 +67,7 @@ mod usage;
 
 use std::collections::BTreeSet;
 
-use cortex_m4::{Core, Cost, Fast};
+use cortex_m4::{Core, Cost, Fast, Scheduled};
 
 pub use any::{AnyNode, AnyRun};
 pub use board::{Bare, Board, Input, View};
@@ -109,6 +109,8 @@ pub struct Node<B: Board, C: Cost = Fast> {
     told_halt: bool,
     /// The exceptions that became active, each with its instant in ns; `None` while they are not recorded.
     tasks: Option<Vec<(u64, u16)>>,
+    /// The events that decide which exception runs, each with its instant in ns; `None` if they are not recorded.
+    schedule: Option<Vec<(u64, Scheduled)>>,
     resets: Vec<ResetAt>,
     probe_at: u64,
     log_block: Option<Symbol>,

@@ -3,9 +3,10 @@
 //! The stack is filled with a pattern before the first instruction. Bytes that no longer hold the pattern were used.
 //! Bytes that were reserved and never written do not count, nor does a process stack in other memory.
 
+use cortex_m4::Cost;
 use emulator_part::Part;
 
-use super::{Firmware, memory};
+use super::{Board, Firmware, Node, memory};
 
 const PATTERN: u8 = 0xA5;
 
@@ -47,8 +48,27 @@ impl Stack {
     /// The number of bytes from the top to the lowest byte that was written.
     #[must_use]
     pub fn used<P: Part>(self, part: &P) -> usize {
+        self.used_of(part, PATTERN)
+    }
+
+    fn used_of<P: Part>(self, part: &P, filled: u8) -> usize {
         let bytes = part.memory(self.bottom, self.size()).unwrap_or_default();
-        let unused = bytes.iter().take_while(|&&byte| byte == PATTERN).count();
+        let unused = bytes.iter().take_while(|&&byte| byte == filled).count();
         bytes.len() - unused
+    }
+}
+
+impl<B: Board, C: Cost> Node<B, C> {
+    /// The stack of this node's firmware, see [`Stack::of`].
+    #[must_use]
+    pub fn stack(&self) -> Option<Stack> {
+        Stack::of(&self.firmware, &self.side.part)
+    }
+
+    /// The number of bytes from the top of `stack` to the lowest byte that is not zero, for a firmware that clears its
+    /// stack at the start. The `guard` bytes at the bottom do not count.
+    #[must_use]
+    pub fn stack_touched(&self, stack: Stack, guard: u32) -> usize {
+        Stack { bottom: stack.bottom + guard, ..stack }.used_of(&self.side.part, 0)
     }
 }

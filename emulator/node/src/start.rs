@@ -64,6 +64,7 @@ impl<B: Board, C: Cost> Node<B, C> {
             debugged: false,
             told_halt: false,
             tasks: None,
+            schedule: None,
             resets: Vec::new(),
             probe_at: PROBE_PERIOD,
             log_block: firmware.symbol("_SEGGER_RTT"),

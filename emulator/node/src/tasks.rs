@@ -1,6 +1,6 @@
 //! The tasks of a firmware over time: when each handler runs, and when the core sleeps.
 
-use cortex_m4::{Cost, Width};
+use cortex_m4::{Cost, Scheduled, Width};
 use emulator_part::Part;
 
 use super::{Board, Node, memory};
@@ -37,6 +37,19 @@ impl<B: Board, C: Cost> Node<B, C> {
     /// Empty if tasks are not watched.
     pub fn take_sleeps(&mut self) -> Vec<(u64, bool)> {
         self.side.sleeps.as_mut().map(std::mem::take).unwrap_or_default()
+    }
+
+    /// Begins or ends the record of the events that decide which exception runs.
+    pub fn watch_schedule(&mut self, on: bool) {
+        self.core.watch_schedule(on);
+        self.schedule = on.then(Vec::new);
+    }
+
+    /// Takes the events that decide which exception runs since the last call, each with its instant (virtual ns), in
+    /// order. Empty if they are not recorded.
+    pub fn take_schedule(&mut self) -> Vec<(u64, Scheduled)> {
+        self.note_tasks();
+        self.schedule.as_mut().map(std::mem::take).unwrap_or_default()
     }
 
     /// The numbers of the exceptions whose handler is the function `handler`. There are several if the compiler has
@@ -121,8 +134,12 @@ impl<B: Board, C: Cost> Node<B, C> {
 
     /// Takes over the core's record of active exceptions, before the core's clock changes.
     pub(super) fn note_tasks(&mut self) {
-        let Some(tasks) = &mut self.tasks else { return };
         let side = &self.side;
-        tasks.extend(self.core.take_exceptions().into_iter().map(|(cycle, active)| (side.ns(cycle), active)));
+        if let Some(schedule) = &mut self.schedule {
+            schedule.extend(self.core.take_schedule().into_iter().map(|(cycle, event)| (side.ns(cycle), event)));
+        }
+        if let Some(tasks) = &mut self.tasks {
+            tasks.extend(self.core.take_exceptions().into_iter().map(|(cycle, active)| (side.ns(cycle), active)));
+        }
     }
 }

@@ -89,6 +89,7 @@ fn a_bad_way_back_costs_no_frame() {
     assert_eq!(ended.map(Counter::get).iter().sum::<u32>(), 300);
 }
 
+// Shows HOLD-10.
 #[test]
 fn a_frame_that_is_offered_too_late_is_not_sent() {
     let (telemetry, config) = (Telemetry::new(), Config::default());

@@ -361,11 +361,11 @@ impl Hold {
         let from = place.start.checked_sub(reading.offset);
         let Some(shown) = from.and_then(|from| reading.miso.get(from..from + place.len())) else { return };
         let (at, dpr) = (reading.selected, context.running(Board::Dpr));
-        if reading.silent || context.disturbances().excuse(Excuse::UnsoundImage, at) {
+        // A start of the DPR cuts a transaction off, and what came before it is lost.
+        if reading.silent || at < dpr.since || context.disturbances().excuse(Excuse::UnsoundImage, at) {
             return;
         }
-        // What came before the DPR's start is lost, unless the transaction began before it too.
-        let came = |frame: &Arrived| frame.at <= at && (frame.at >= dpr.since || at < dpr.since);
+        let came = |frame: &Arrived| (dpr.since..=at).contains(&frame.at);
         let found = self.frames.iter().rposition(|frame| frame.is_new && frame.payload == shown && came(frame));
         if !is_vacant(shown) && found.is_none_or(|index| self.frames[index].at + SHOWN_FOR < at) {
             let since = found.map_or("never came".to_owned(), |index| format!("came at {}", ms(self.frames[index].at)));
@@ -380,8 +380,9 @@ impl Hold {
         if at < calm || !dpr.powered {
             return;
         }
-        let due =
-            |frame: &Arrived| frame.is_new && (SHOWN_WITHIN..SHOWN_AT_LEAST).contains(&at.saturating_sub(frame.at));
+        let due = |frame: &Arrived| {
+            frame.is_new && frame.at >= calm && (SHOWN_WITHIN..SHOWN_AT_LEAST).contains(&at.saturating_sub(frame.at))
+        };
         let newest = self.frames.iter().rposition(due);
         if newest.is_some_and(|newest| found.is_none_or(|found| found < newest)) {
             let came = newest.map_or(0, |newest| self.frames[newest].at);

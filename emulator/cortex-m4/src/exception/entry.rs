@@ -51,6 +51,7 @@ impl<C: Cost> Core<C> {
     pub(super) fn enter<B: Bus>(&mut self, bus: &mut B, return_address: u32) {
         self.waiting = None;
         self.owed += std::mem::take(&mut self.cut);
+        self.note_scheduled(Scheduled::Entry);
         self.cycle += C::EXCEPTION_ENTRY;
         let exc_return = 0xFFFF_FFE1
             | u32::from(self.control & CONTROL_FPCA == 0) << 4

@@ -23,6 +23,7 @@ impl<C: Cost> Core<C> {
         // exception.
         self.system_advance();
         self.take_signals(bus);
+        self.note_scheduled(Scheduled::Exit);
         let number = self.ipsr;
         let nested = self.system.nvic.active_count();
         let base_allowed = nested == 1 || self.system.scb.ccr & CCR_NONBASETHRDENA != 0;
@@ -39,6 +40,7 @@ impl<C: Cost> Core<C> {
         // A return from any exception but NMI clears FAULTMASK.
         if number != NMI {
             self.faultmask = false;
+            self.note_mask();
         }
         if !legal {
             self.refuse_return(bus, value);

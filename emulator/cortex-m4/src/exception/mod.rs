@@ -24,7 +24,7 @@ use crate::system::nvic::{
     self, BUS_FAULT, DEBUG_MONITOR, HARD_FAULT, IDLE_PRIORITY, MEM_MANAGE, NMI, SV_CALL, USAGE_FAULT,
 };
 use crate::system::*;
-use crate::{Access, Bound, Bus, Core, Cost, Fault, Purpose, Width};
+use crate::{Access, Bound, Bus, Core, Cost, Fault, Purpose, Scheduled, Width};
 
 /// The number of words in a basic frame (ARM ARM B1.5.7).
 const BASIC: u32 = 8;
@@ -74,6 +74,7 @@ impl<C: Cost> Core<C> {
                 self.event = true;
             }
         }
+        self.note_pending();
     }
 
     /// Takes in the part's signals, and wakes the core. Takes the best pending exception if it preempts. The run loop

@@ -14,6 +14,7 @@ impl<C: Cost> Core<C> {
         self.pause_timers();
         let active = std::mem::take(&mut self.ipsr);
         self.exception_changed_from(active);
+        self.note_scheduled(Scheduled::Reset);
         self.it = 0;
         self.ici = 0;
         self.primask = false;

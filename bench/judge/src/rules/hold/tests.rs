@@ -1,9 +1,11 @@
 //! Tests the rule of the hold on logs that are made by hand.
 
+use profile::UplinkValues;
 use profile::criticality::{ActiveLoad, Writer as WriterOf};
 
 use super::*;
 use crate::Bytes;
+use crate::disturbance::{Disturbance, HoldPart};
 use crate::testing::{self, Events};
 
 /// Returns the violations of a hold that is open at 30 °C, restarts for `cause`, and then says `after`.
@@ -128,8 +130,8 @@ fn what_came_before_the_dprs_start_is_not_shown_after_it() {
     let mut events = run();
     exchange(&mut events, 100 * MS, 700);
     events.reset(150 * MS, Board::Dpr, true);
-    read(&mut events, 149 * MS, &status(700));
-    assert_eq!(violations(&events), [], "the transaction began before the start");
+    read(&mut events, 149 * MS + 500_000, &[&status(700)[..32], &[0xFF; 32]].concat());
+    assert_eq!(violations(&events), [], "the start cut the transaction off");
     read(&mut events, 180 * MS, &status(700));
     assert_eq!(violations(&events), [Violation::HoldShown]);
 }
@@ -142,4 +144,117 @@ fn a_dpr_that_hangs_may_leave_an_answer_without_its_bytes() {
     assert_eq!(violations(&events), [Violation::FrontEndMisuse]);
     events.add(99 * MS, What::Hung { board: Board::Dpr });
     assert_eq!(violations(&events), []);
+}
+
+/// An uplink of the base station (writer 0) or the flight controller, of its instant `timestamp` (ms).
+fn uplink(writer: usize, timestamp: u32) -> Vec<u8> {
+    let values = UplinkValues { timestamp, ..UplinkValues::default() };
+    let object = match writer {
+        0 => Uplink::seal(WriterOf::<BaseStation>::claim(), &values),
+        _ => Uplink::seal(WriterOf::<FlightController>::claim(), &values),
+    };
+    object.as_bytes().to_vec()
+}
+
+/// Adds a transaction at `at` that writes an uplink, and that the DPR serves or not.
+fn write(events: &mut Events, at: u64, object: &[u8], served: bool) {
+    let mosi = [&[0; 8], object].concat();
+    let miso = vec![if served { 0 } else { 0xFF }; mosi.len()];
+    events.add(at, What::Transaction { selected: at - MS / 2, mosi: Bytes(mosi), miso: Bytes(miso) });
+}
+
+/// Returns the violations of an answer that begins `after` (ns) a new object of the hold came at 1 s, with these
+/// uplinks. Before, both writers wrote what `written` has: writer, timestamp, instant (ms), and whether it was served.
+fn answers(after: u64, uplinks: [Vec<u8>; 2], written: &[(usize, u32, u64, bool)]) -> Vec<Violation> {
+    let mut events = run();
+    for (writer, timestamp, at, served) in written {
+        write(&mut events, at * MS, &uplink(*writer, *timestamp), *served);
+    }
+    events.add(1_000 * MS, What::Hold(HoldEvent::Heard(frame(999 * MS, &status(700)))));
+    let answer = frame(1_000 * MS + after, &uplinks.concat());
+    events.add(1_010 * MS, What::Hold(HoldEvent::Answered(answer)));
+    violations(&events)
+}
+
+const NOTHING: fn() -> Vec<u8> = || vec![0; 64];
+
+#[test]
+fn an_answer_has_each_writers_newest_stored_uplink() {
+    let written = [(0, 1, 700, true), (0, 2, 900, true), (1, 5, 500, true), (1, 6, 960, false)];
+    let of = |base, controller| answers(2 * MS, [base, controller], &written);
+    assert_eq!(of(uplink(0, 2), uplink(1, 5)), []);
+    let wrong = [Violation::HoldAnswer];
+    assert_eq!(of(uplink(0, 1), uplink(1, 5)), wrong, "an older one");
+    assert_eq!(of(NOTHING(), uplink(1, 5)), wrong, "none");
+    assert_eq!(of(uplink(0, 3), uplink(1, 5)), wrong, "one that nobody wrote");
+    assert_eq!(of(uplink(1, 5), uplink(0, 2)), wrong, "each in the other's place");
+}
+
+#[test]
+fn an_uplink_is_due_from_30_to_900_ms_and_right_for_a_second() {
+    let of = |object: Vec<u8>, at| answers(2 * MS, [object, NOTHING()], &[(0, 1, at, true)]);
+    let wrong = [Violation::HoldAnswer];
+    assert_eq!((of(NOTHING(), 973), of(NOTHING(), 972)), (vec![], wrong.to_vec()));
+    let mut late = run();
+    write(&mut late, 100 * MS, &uplink(0, 1), true);
+    let answer = |at: u64, object: &[u8]| {
+        let mut events = late.clone();
+        events.add(at * MS, What::Hold(HoldEvent::Heard(frame((at - 1) * MS, &status(700)))));
+        let answer = frame((at + 2) * MS, &[object, &NOTHING()].concat());
+        events.add((at + 4) * MS, What::Hold(HoldEvent::Answered(answer)));
+        violations(&events)
+    };
+    assert_eq!((answer(998, &NOTHING()), answer(999, &NOTHING())), (wrong.to_vec(), vec![]));
+    assert_eq!((answer(1_208, &uplink(0, 1)), answer(1_209, &uplink(0, 1))), (vec![], wrong.to_vec()));
+}
+
+#[test]
+fn an_answer_waits_for_its_instant_and_needs_a_new_object() {
+    let at = |after| answers(after, [NOTHING(), NOTHING()], &[]);
+    assert_eq!((at(ANSWERS.0), at(ANSWERS.1)), (vec![], vec![]));
+    assert_eq!(at(ANSWERS.0 - 1), [Violation::HoldAnswer]);
+    assert_eq!(at(ANSWERS.1 + 1), [Violation::HoldAnswer]);
+    let mut events = run();
+    events.add(100 * MS, What::Hold(HoldEvent::Heard(frame(99 * MS, &[7; 64]))));
+    events.add(104 * MS, What::Hold(HoldEvent::Answered(frame(102 * MS, &[0; Answer::SIZE]))));
+    assert_eq!(violations(&events), [Violation::HoldAnswer], "no object");
+    let mut events = run();
+    exchange(&mut events, 100 * MS, 700);
+    events.add(105 * MS, What::Hold(HoldEvent::Answered(frame(102_500_000, &[0; Answer::SIZE]))));
+    assert_eq!(violations(&events), [Violation::HoldAnswer], "a second one");
+}
+
+#[test]
+fn a_disturbed_hold_excuses_only_that_its_carrier_ends_before_an_answer() {
+    let misuse = |text: &str, disturbed: bool| {
+        let mut events = run();
+        if disturbed {
+            let disturbs = Disturbance::Hold { part: HoldPart::Air };
+            events.add(50 * MS, testing::injected(disturbs, 150 * MS));
+        }
+        events.add(100 * MS, What::Hold(HoldEvent::PortMisuse { text: text.into() }));
+        violations(&events)
+    };
+    assert_eq!(misuse("the DPR's second front end: transmission without a field (1 times)", true), []);
+    let wrong = [Violation::FrontEndMisuse];
+    assert_eq!(misuse("the DPR's second front end: transmission without a field (1 times)", false), wrong);
+    assert_eq!(misuse("the DPR's second front end: SPI access without supply", true), wrong);
+}
+
+#[test]
+fn two_frames_of_the_hold_begin_99_ms_apart() {
+    let second = |began: u64, restarts: bool| {
+        let mut events = run();
+        for (began, timestamp) in [(100 * MS, 100), (began, 200)] {
+            let sent = HoldFrame { started: began, ..frame(began, &status(timestamp)) };
+            events.add(began + MS, What::Hold(HoldEvent::Sent(sent)));
+        }
+        if restarts {
+            events.add(150 * MS, What::Hold(HoldEvent::Reset { cause: Cause::Pin, asked: true }));
+        }
+        violations(&events)
+    };
+    assert_eq!(second(199 * MS, false), []);
+    assert_eq!(second(199 * MS - 1, false), [Violation::HoldEarly]);
+    assert_eq!(second(180 * MS, true), [], "the first one after a start");
 }

@@ -1,0 +1,322 @@
+//! What is stated of each task: priority, deadline, arrivals, and where each comes from.
+//!
+//! Names and vectors are those of the firmwares' tables of tasks, and a test holds this list against them. A statement
+//! is checked in every search: more releases than stated, a task that never ran and another priority than the stated
+//! one are errors.
+
+use dpr_fw::ssi::PAUSE_US;
+
+use crate::analysis::Arrivals;
+
+const US: u64 = 1_000;
+const MS: u64 = 1_000_000;
+
+/// The shortest time between two ends of transactions that call `ssi_end`, ns.
+const PAUSE: u64 = PAUSE_US as u64 * US;
+
+/// A window, ns, shorter than a cycle of HORUS on its internal oscillator, which is up to 5 % fast where the crystal
+/// fails. The time from a cycle's tick to a task may be 0.1 ms shorter than in the cycle before.
+const CYCLE: u64 = 9_400 * US;
+
+/// A group of tasks that one chain of causes releases. The phases between its tasks are fixed by these causes, while
+/// two groups can meet in any phase.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Group {
+    /// HORUS's cycle on HORUS; its frames on the DPR; the hold's cycle on the hold.
+    Cycle,
+    /// The flight controller's transactions.
+    Ssi,
+    /// What the flight controller wrote.
+    Port,
+    /// The exchange with the hold.
+    Hold,
+    /// The receivers, each independent of the others.
+    Gnss,
+    /// The parser of the receivers' bytes.
+    Parse,
+}
+
+/// How the demand of a group is bounded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Bounded {
+    /// By the most execution time that was seen in any window.
+    Measured,
+    /// By the stated arrivals of each task and its longest execution.
+    Stated,
+}
+
+impl Group {
+    /// How the tasks of this group delay those of other groups.
+    #[must_use]
+    pub const fn on_others(self) -> Bounded {
+        match self {
+            Self::Cycle | Self::Port | Self::Hold | Self::Parse => Bounded::Measured,
+            Self::Ssi | Self::Gnss => Bounded::Stated,
+        }
+    }
+
+    /// How the tasks of this group delay each other. What one chain of causes releases comes in fixed phases.
+    #[must_use]
+    pub const fn on_itself(self) -> Bounded {
+        match self {
+            Self::Gnss => Bounded::Stated,
+            _ => Bounded::Measured,
+        }
+    }
+}
+
+/// What is stated of a task.
+#[derive(Clone, Debug)]
+pub struct Stated {
+    /// Its name.
+    pub name: &'static str,
+    /// Its interrupt vector.
+    pub vector: &'static str,
+    /// Its priority in the firmware, 1 for the least urgent.
+    pub level: u8,
+    /// The priority number of its exception; a lower number is more urgent.
+    pub priority: i16,
+    /// Its group.
+    pub group: Group,
+    /// The longest time from its release to its end, ns.
+    pub deadline: u64,
+    /// Where the deadline comes from.
+    pub why: &'static str,
+    /// How often it is released at most.
+    pub arrivals: Arrivals,
+    /// Where that bound comes from.
+    pub source: &'static str,
+    /// Whether it is a step of a driver that has one transfer or wait at a time.
+    pub is_step: bool,
+    /// The vector of the task together with which these jobs are released, if other jobs have a row of their own.
+    pub together: Option<&'static str>,
+    /// Whether no section masks all interrupts outside the tasks when it is released, since such sections keep away
+    /// from ticks and slots (`timing::quiet` in horus-tx-fw).
+    pub in_quiet: bool,
+}
+
+/// What is stated of the tasks of a board.
+#[derive(Clone, Debug)]
+pub struct Table {
+    /// The board's name.
+    pub board: &'static str,
+    /// Its tasks, the most urgent first.
+    pub tasks: Vec<Stated>,
+    /// Whether it is one of the two boards of the link, whose load docs/design.md#timing bounds.
+    pub is_of_the_link: bool,
+    /// The longest window in which the demand of a group is measured, ns.
+    pub horizon: u64,
+}
+
+/// One row: name, level, group, deadline, its reason, releases (most, within, apart), their reason.
+type Row = (&'static str, u8, Group, u64, &'static str, (u64, u64, u64), &'static str);
+
+const RINGS: &str = "half a ring of 512 bytes at 460 800 bit/s";
+const BUS: &str = "the next tick gives up a transfer that has not ended";
+const ALIVE: &str = "a call a cycle to check in";
+const CHARACTERS: &str = "a character at 460 800 bit/s; one message of settings at a time";
+const RELEASED: &str =
+    "before it can be called again; its 10 µs to the release of the buffers are a sum (see the sums)";
+const FIFO: &str = "six bytes on the air, which the FIFO holds";
+const ANSWER: &str = "an answer begins 0.2 ms after the frame at the earliest";
+const SPI_END: &str = "the end of an SPI transfer of at least two bytes";
+
+const HORUS: &[Row] = &[
+    (
+        "slot",
+        5,
+        Group::Cycle,
+        40 * US,
+        "timing::REST_STARTS_US",
+        (3, CYCLE, 69 * US),
+        "tick and slots: timing::SLOT_US",
+    ),
+    ("rf_spi", 4, Group::Cycle, 120 * US, "timing::BETWEEN_FRAMES_US", (64, CYCLE, 3 * US), SPI_END),
+    ("rf_spi_error", 4, Group::Cycle, 10 * MS, "checks in once a cycle", (2, CYCLE, 100 * US), ALIVE),
+    ("rf_irq", 4, Group::Cycle, 120 * US, "timing::BETWEEN_FRAMES_US", (8, CYCLE, 20 * US), "the chip's interrupts"),
+    ("rf_timer", 4, Group::Cycle, 10 * MS, "checks in once a cycle", (6, CYCLE, 20 * US), "the driver's waits"),
+    ("rf_slot", 4, Group::Cycle, 40 * US, "timing::REST_STARTS_US", (3, CYCLE, 3 * MS), "timing::SLOT_US"),
+    ("cycle", 3, Group::Cycle, 0, "timing::FILL_US", (1, CYCLE, CYCLE), "design.md#timing"),
+    ("vote", 3, Group::Cycle, 9 * MS, "before the next tick", (1, CYCLE, CYCLE), "design.md#timing"),
+    ("gnss_tick", 2, Group::Cycle, 5_500 * US, RINGS, (1, CYCLE, CYCLE), "design.md#timing"),
+    ("gnss1", 2, Group::Gnss, 5_500 * US, RINGS, (48, CYCLE, 10 * US), CHARACTERS),
+    ("gnss1_ring", 2, Group::Gnss, 5_500 * US, RINGS, (4, CYCLE, 5 * US), "half rings, and a call a cycle"),
+    ("gnss2", 2, Group::Gnss, 9 * MS, BUS, (48, CYCLE, 10 * US), "a byte at 400 kbit/s; one message"),
+    ("gnss2_error", 2, Group::Gnss, 9 * MS, BUS, (4, CYCLE, 5 * US), "bus errors, and a call a cycle"),
+    ("gnss2_read", 2, Group::Gnss, 9 * MS, BUS, (6, CYCLE, 100 * US), "reads, and a call a cycle"),
+    ("gnss2_step", 2, Group::Gnss, 9 * MS, BUS, (24, CYCLE, 5 * US), "steps of a bus recovery, and a call a cycle"),
+    ("gnss3", 2, Group::Gnss, 9 * MS, BUS, (6, CYCLE, 100 * US), "transfers, and a call a cycle"),
+    ("gnss3_error", 2, Group::Gnss, 9 * MS, BUS, (4, CYCLE, 5 * US), "errors, and a call a cycle"),
+    ("gnss3_step", 2, Group::Gnss, 9 * MS, BUS, (4, CYCLE, 5 * US), "waits around transfers, and a call a cycle"),
+    ("gnss4", 2, Group::Gnss, 5_500 * US, RINGS, (48, CYCLE, 10 * US), CHARACTERS),
+    ("gnss4_ring", 2, Group::Gnss, 5_500 * US, RINGS, (4, CYCLE, 5 * US), "half rings, and a call a cycle"),
+    ("gnss5", 2, Group::Gnss, 5_500 * US, RINGS, (48, CYCLE, 10 * US), CHARACTERS),
+    ("gnss5_ring", 2, Group::Gnss, 5_500 * US, RINGS, (4, CYCLE, 5 * US), "half rings, and a call a cycle"),
+    ("parse", 1, Group::Parse, 10 * MS, "one cycle", (40, CYCLE, 5 * US), "calls of the sources, and its own"),
+];
+
+/// HORUS's tasks that tick and slot release.
+const AT_TICK_OR_SLOT: [&str; 4] = ["slot", "rf_slot", "cycle", "vote"];
+
+/// The DPR's commit task does two kinds of work: it prepares an image while a frame arrives, and publishes it at the
+/// frame's end. Only then it is called together with `scrub`.
+const PUBLISHES: &str = "commit, at a frame's end";
+
+const DPR: &[Row] = &[
+    (
+        "ssi_end",
+        6,
+        Group::Ssi,
+        PAUSE,
+        RELEASED,
+        (2, PAUSE, 5 * US),
+        "an end in 95 µs (design.md#ssi), and a publication",
+    ),
+    ("ssi_pause", 6, Group::Ssi, PAUSE, RELEASED, (1, PAUSE, PAUSE), "design.md#ssi"),
+    ("rf_spi", 5, Group::Cycle, 113 * US, FIFO, (64, CYCLE, 3 * US), SPI_END),
+    ("rf_irq", 5, Group::Cycle, 113 * US, FIFO, (8, CYCLE, 20 * US), "the chip's interrupts"),
+    ("rf_timer", 5, Group::Cycle, 113 * US, FIFO, (16, CYCLE, 20 * US), "the driver's waits"),
+    (
+        "commit",
+        4,
+        Group::Cycle,
+        1_900 * US,
+        "the rest of the shortest frame behind its first 16 bytes",
+        (4, CYCLE, 10 * US),
+        "each frame's beginning, and a call a cycle",
+    ),
+    (
+        PUBLISHES,
+        4,
+        Group::Cycle,
+        450 * US,
+        "gap, preamble and sync of the next frame; FRESH rises before: see the sums",
+        (6, CYCLE, 300 * US),
+        "frames in a cycle, and early ones (design.md#air-frame)",
+    ),
+    (
+        "deadline",
+        4,
+        Group::Cycle,
+        450 * US,
+        "as at a frame's end",
+        (3, CYCLE, 100 * US),
+        "design.md#publication, and a call a cycle",
+    ),
+    (
+        "scrub",
+        3,
+        Group::Cycle,
+        9 * MS,
+        "the next frame needs the buffer",
+        (8, CYCLE, 20 * US),
+        "frames in a cycle, and deadlines",
+    ),
+    (
+        "port",
+        2,
+        Group::Port,
+        9 * MS,
+        "the next image needs the prepared area",
+        (40, CYCLE, 5 * US),
+        "transactions and images: dpr-fw/src/ssi.rs, BUDGET",
+    ),
+    ("hold_spi", 1, Group::Hold, MS, "dpr-fw/src/hold.rs, ANSWER_US", (60, CYCLE, 3 * US), SPI_END),
+    ("hold_irq", 1, Group::Hold, MS, "dpr-fw/src/hold.rs, ANSWER_US", (8, CYCLE, 20 * US), "the chip's interrupts"),
+    ("hold_timer", 1, Group::Hold, MS, "dpr-fw/src/hold.rs, ANSWER_US", (8, CYCLE, 20 * US), "the driver's waits"),
+];
+
+const BEAT: u64 = 25 * MS - 25 * US;
+
+const HOLD: &[Row] = &[
+    (
+        "slot",
+        4,
+        Group::Cycle,
+        10 * US,
+        "hold-fw/src/main.rs",
+        (2, BEAT, 400 * US),
+        "hold-fw/src/timing.rs: beats and slot",
+    ),
+    ("rf_spi", 3, Group::Cycle, 200 * US, ANSWER, (80, BEAT, 3 * US), SPI_END),
+    ("rf_irq", 3, Group::Cycle, 200 * US, ANSWER, (8, BEAT, 20 * US), "the chip's interrupts"),
+    ("rf_timer", 3, Group::Cycle, 200 * US, ANSWER, (8, BEAT, 20 * US), "the driver's waits"),
+    ("cycle", 2, Group::Cycle, 300 * US, "hold-fw/src/main.rs", (1, BEAT, BEAT), "a call a beat"),
+    ("answer", 2, Group::Cycle, 10 * MS, "hold-fw/src/main.rs", (4, BEAT, 100 * US), "answers, and a call a beat"),
+    ("sensors", 1, Group::Cycle, 25 * MS, "the next beat", (1, BEAT, BEAT), "a call a beat"),
+];
+
+impl Table {
+    /// HORUS's tasks with `gps` receivers.
+    #[must_use]
+    pub fn horus(gps: usize) -> Self {
+        let mut table = Self::new("HORUS", HORUS, horus_tx_fw::task::TASKS, 16, 12 * MS);
+        for cycle in table.tasks.iter_mut().filter(|task| task.name == "cycle") {
+            cycle.deadline = (10 + 14 * (1 + gps as u64)) * US;
+        }
+        table
+    }
+
+    /// The DPR's tasks; with `hold` those of its second port too.
+    #[must_use]
+    pub fn dpr(hold: bool) -> Self {
+        let rows = if hold { DPR } else { &DPR[..DPR.len() - dpr_fw::task::hold::TASKS.len()] };
+        let vectors = [dpr_fw::task::TASKS, if hold { dpr_fw::task::hold::TASKS } else { &[] }].concat();
+        Self::new(if hold { "DPR with a hold" } else { "DPR" }, rows, &vectors, 8, 12 * MS)
+    }
+
+    /// The hold's tasks.
+    #[must_use]
+    pub fn hold() -> Self {
+        Self::new("hold", HOLD, hold_fw::task::TASKS, 8, 52 * MS)
+    }
+
+    /// `levels` is the number of priorities of the part.
+    fn new(
+        board: &'static str,
+        rows: &[Row],
+        vectors: &[(&'static str, &'static str)],
+        levels: i16,
+        horizon: u64,
+    ) -> Self {
+        let vector = |name: &str| {
+            let task = name.split(',').next().unwrap_or(name);
+            vectors.iter().find(|(of, _)| *of == task).map_or("", |(_, vector)| *vector)
+        };
+        let row = |&(name, level, group, deadline, why, (most, within, apart), source): &Row| Stated {
+            name,
+            vector: vector(name),
+            level,
+            priority: (levels - i16::from(level)) * (256 / levels),
+            group,
+            deadline,
+            why,
+            arrivals: Arrivals { most, within, apart },
+            source,
+            is_step: name.starts_with("rf_") || name.starts_with("hold_"),
+            together: (name == PUBLISHES).then(|| vector("scrub")),
+            in_quiet: board == "HORUS" && AT_TICK_OR_SLOT.contains(&name),
+        };
+        Self { board, tasks: rows.iter().map(row).collect(), is_of_the_link: board != "hold", horizon }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_task_of_the_firmwares_is_in_its_table_once() {
+        let dpr = [dpr_fw::task::TASKS, dpr_fw::task::hold::TASKS].concat();
+        for (table, tasks) in [
+            (Table::horus(3), horus_tx_fw::task::TASKS),
+            (Table::dpr(false), dpr_fw::task::TASKS),
+            (Table::dpr(true), &dpr),
+            (Table::hold(), hold_fw::task::TASKS),
+        ] {
+            let named: Vec<_> =
+                table.tasks.iter().filter(|it| it.together.is_none()).map(|it| (it.name, it.vector)).collect();
+            assert_eq!(named, tasks, "{}", table.board);
+        }
+    }
+}
