@@ -29,10 +29,11 @@
 //!
 //! # Sources
 //!
-//! - Registers, and that their address counts up: u-blox, *u-blox M9/F9 integration manuals*, "I2C interface", read
-//!   access; in use in sparkfun/SparkFun_u-blox_GNSS_Arduino_Library (`checkUbloxI2C`), ArduPilot and gpsd. A count of
-//!   0xFFFF is taken as zero, because a line that nobody drives reads as ones.
-//! - Events: RM0090, "I2C", transfer sequence diagrams for master transmitter and receiver, and "DMA requests".
+//! - Source of the registers, and of the rule that their address counts up: u-blox, *u-blox M9/F9 integration manuals*,
+//!   "I2C interface", read access; in use in sparkfun/SparkFun_u-blox_GNSS_Arduino_Library (`checkUbloxI2C`), ArduPilot
+//!   and gpsd. A count of 0xFFFF is taken as zero, because a line that nobody drives reads as ones.
+//! - Source of the order of events: RM0090, "I2C", transfer sequence diagrams for master transmitter and receiver, and
+//!   "DMA requests".
 
 use core::ops::Range;
 

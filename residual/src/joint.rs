@@ -6,9 +6,9 @@
 //! check bits, 448 data bits. Errors go undetected if and only if their pattern is a codeword of the outer code *and*
 //! its part in bytes 8 to 27 is one of the inner code. Two distances are of interest:
 //!
-//! - the distance of patterns that damage latitude or longitude, *and possibly other bits*: [`Joint::distance`]. Their
+//! - The distance of patterns that damage latitude or longitude, *and possibly other bits*: [`Joint::distance`]. Their
 //!   part in bytes 8 to 27 is a codeword other than 0.
-//! - the distance of all patterns: the outer code's own.
+//! - The distance of all patterns is that of the outer code.
 //!
 //! # The method
 //!

@@ -39,9 +39,9 @@
 //! [`ReadMode::StoreAndForward`] the machine waits until I_rxe and then reads all bytes but the CRC-16: at 8 MHz 246 µs
 //! for a frame of 247 bytes. With [`ReadMode::WhileFilling`] it reads the bytes present three times before that:
 //!
-//! 1. 16 bytes after the sync: these include LEN, which determines the frame's end;
-//! 2. [`BODY`] bytes before that end: most of the frame;
-//! 3. [`TAIL`] bytes before that end.
+//! 1. The first read begins 16 bytes after the sync. These bytes include LEN, which determines the frame's end.
+//! 2. The second read begins [`BODY`] bytes before the frame's end, and takes most of the frame.
+//! 3. The third read begins [`TAIL`] bytes before the frame's end.
 //!
 //! So [`TAIL`] - 2 bytes of the payload are left after I_rxe (5 µs at 8 MHz with the command). The CRC-16 may stay in
 //! the FIFO unread: the chip has compared it, and re-arming clears the FIFO. The machine never empties the FIFO while

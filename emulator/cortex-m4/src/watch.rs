@@ -105,9 +105,9 @@ impl<C: Cost> Core<C> {
         std::mem::take(&mut self.watch.record)
     }
 
-    /// Begins or ends the recording of the events that decide which exception runs. Events that were not taken are
-    /// dropped. The record has no limit, so it must be taken. On the fast clock, which counts no cycles within a burst,
-    /// changes of the mask have the cycle at which the burst began.
+    /// Begins or ends the recording of the events that decide which exception runs. Recorded events that were not taken
+    /// are dropped. Their number has no limit, so the caller must take them. On the fast clock, which counts no cycles
+    /// within a burst, changes of the mask have the cycle at which the burst began.
     pub fn watch_schedule(&mut self, on: bool) {
         let schedule = || Schedule { events: vec![], pending: [0; 4], mask: IDLE_PRIORITY };
         self.watch.schedule = on.then(|| Box::new(schedule()));

@@ -13,12 +13,16 @@
 //!
 //! # Errata (ES0206 rev 24, section "I2C") of the peripheral
 //!
-//! - Spurious bus error in controller mode: BERR is cleared and ignored; a truly broken transaction ends at the tick.
-//! - Start cannot be generated after a misplaced Stop: only SWRST helps. A transaction whose START does not come has
-//!   not ended by the tick, and the tick then resets the peripheral.
-//! - Mismatch on the set-up time of a repeated Start: it concerns standard mode from 88 kHz on, and this is fast mode.
-//! - Data valid time violated without OVR: it concerns a target that transmits, and this peripheral is the controller.
-//! - Rise times of SDA and SCL when the bus's supply is above the part's: the pull-ups go to the part's 3.3 V.
+//! - Erratum "spurious bus error in controller mode": BERR is cleared and ignored; a truly broken transaction ends at
+//!   the tick.
+//! - Erratum "start cannot be generated after a misplaced stop": only SWRST helps. A transaction whose START does not
+//!   come has not ended by the tick, and the tick then resets the peripheral.
+//! - Erratum "mismatch on the set-up time of a repeated start": it concerns standard mode from 88 kHz on, and this is
+//!   fast mode.
+//! - Erratum "data valid time violated without OVR": it concerns a target that transmits, and this peripheral is the
+//!   controller.
+//! - Erratum about rise times of SDA and SCL when the bus's supply is above the part's: it does not apply, because the
+//!   pull-ups go to the part's 3.3 V.
 //!
 //! `unsafe` is used here for shared access to the peripheral's register block, for values without an enumeration, and
 //! to start the DMA stream.
