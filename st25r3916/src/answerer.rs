@@ -145,7 +145,7 @@ pub enum AnswererState {
     Stopping,
 }
 
-/// Counts since the answerer was made; each count wraps.
+/// The counts of what has happened since the answerer was made; each count wraps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct AnswererCounters {
@@ -210,7 +210,7 @@ impl Answerer {
         self.listener.state()
     }
 
-    /// Counts since the answerer was made.
+    /// The counts of what has happened since the answerer was made.
     #[must_use]
     pub const fn counters(&self) -> AnswererCounters {
         AnswererCounters {

@@ -271,7 +271,7 @@ pub enum ListenerEvent {
     Fault(Fault),
 }
 
-/// Counts since the listener was made; each count wraps.
+/// The counts of what has happened since the listener was made; each count wraps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ListenerCounters {
@@ -458,7 +458,7 @@ impl Listener {
         self.state
     }
 
-    /// Counts since the listener was made.
+    /// The counts of what has happened since the listener was made.
     #[must_use]
     pub const fn counters(&self) -> ListenerCounters {
         let mut counters = self.counters;

@@ -234,7 +234,7 @@ impl Board {
         holds(!hw.irq && *self.driver.borrow() == Driver::Listening, "an event is never served");
     }
 
-    /// Runs a task of the port ([`dpr_fw::hold::Responder::serve`]).
+    /// Runs a task of the second port ([`dpr_fw::hold::Responder::serve`]).
     fn task(&self) {
         self.access("clears the edge", |hw| hw.edge = false);
         if *self.resting.borrow() {

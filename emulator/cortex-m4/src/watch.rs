@@ -36,7 +36,7 @@ pub enum Scheduled {
 #[derive(Clone, Debug)]
 struct Schedule {
     events: Vec<(u64, Scheduled)>,
-    /// The enabled exceptions that were pending when the core last looked.
+    /// The enabled exceptions that were pending when the core last checked for exceptions.
     pending: Set,
     mask: i16,
 }

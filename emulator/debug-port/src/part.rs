@@ -32,7 +32,8 @@ pub trait Debugged: Part {
         true
     }
 
-    /// Whether a reset for this cause also resets the debug registers. ARMv7-M C1.6.5 promises it for power-on only.
+    /// Whether a reset for this cause also resets the debug registers. ARMv7-M ARM C1.6.5 promises it for power-on
+    /// only.
     fn resets_debug(cause: Reset) -> bool {
         matches!(cause, Reset::PowerOn | Reset::BrownOut)
     }

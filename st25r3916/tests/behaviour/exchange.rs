@@ -421,7 +421,7 @@ fn settings_are_read_back_in_turn_after_each_exchange() {
     }
 }
 
-/// Sends a frame. Returns whether the exchange ends in a register's fault.
+/// Sends a frame. Returns whether the exchange reports that a register differs from its setting.
 fn load_and_fire(rig: &mut Rig, machine: &mut Exchange) -> bool {
     rig.payload = vec![1; 64];
     let step = machine.prepare(64).expect("it is ready");

@@ -23,7 +23,7 @@ use super::frames::{Case, CASES, CLASSES, SIZE};
 /// For each of the listener's three reads of its FIFO, the number of the frame's bytes, LEN included, that have
 /// arrived.
 const READS: [usize; 3] = [16, SIZE + 3 - st25r3916::listener::BODY, SIZE + 3 - st25r3916::listener::TAIL];
-/// The number of cycles before the timed one; the sequence is found with the fourth.
+/// The number of cycles before the cycle that is timed. The sequence is found with the fourth cycle.
 const CYCLES_BEFORE: u32 = 6;
 
 pub(crate) struct Own<'a, T>(pub(crate) &'a mut T);
