@@ -60,7 +60,7 @@ pub const STEP_US: u16 = 10;
 /// acknowledge.
 const CLOCKS: u8 = 9;
 
-/// If a recovery did not free the bus, the number of ticks until the next recovery.
+/// The number of ticks until the next recovery of the bus, if a recovery did not free it.
 pub const HOLD_TICKS: u8 = 10;
 
 /// The most events without progress before the event interrupts are switched off. A repeated START is on the bus within

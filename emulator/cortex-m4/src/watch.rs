@@ -15,7 +15,7 @@ use crate::{Core, Cost};
 
 const MOST_CHANGES: usize = 4096;
 
-/// An event that decides which exception runs, and when: the raw material of a response-time analysis.
+/// An event that decides which exception runs, and when. A response-time analysis starts from such events.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scheduled {
     /// This exception became pending while it was enabled, or was enabled while it was pending.
