@@ -1,6 +1,6 @@
 //! Measures the time of work in core cycles and compares it with bounds.
 //!
-//! A suite is built for one [`Clock`], and each bound is stated for each clock ([`Bounds`]).
+//! A suite of on-target tests is built for one [`Clock`], and each bound is stated for each clock ([`Bounds`]).
 
 use core::hint::black_box;
 
@@ -20,7 +20,8 @@ pub enum Clock {
     Hardware,
 }
 
-/// The clock for which the suite was built; `cargo xtask test` sets the variable for a run on the bench.
+/// The clock for which the suite was built. `cargo xtask test` sets the environment variable for a run on the bench;
+/// without it the clock is that of hardware.
 pub const CLOCK: Clock = match option_env!("ON_TARGET_CLOCK") {
     None => Clock::Hardware,
     Some(name) => match name.as_bytes() {
@@ -31,8 +32,9 @@ pub const CLOCK: Clock = match option_env!("ON_TARGET_CLOCK") {
     },
 };
 
-/// The cycles by which a board's flash cache and prefetch may increase the spread. A few wait states depend on where
-/// code lies in the flash, and on what was fetched before. The bench's fast and optimistic clocks have no such states.
+/// The cycles by which a board's flash cache and prefetch may increase the difference between the slowest and the
+/// fastest call. A few wait states depend on where code lies in the flash, and on what was fetched before. The bench's
+/// fast and optimistic clocks have no such states.
 const HARDWARE_SPREAD: u32 = 64;
 
 /// The most cycles that some work may take, on each clock.
@@ -44,11 +46,13 @@ pub struct Bounds {
     pub optimistic: u32,
     /// The bound on [`Clock::Pessimistic`] and [`Clock::Hardware`], in cycles.
     pub pessimistic: u32,
-    /// The most cycles by which the data may change the time on the bench; `u32::MAX` if only the bound counts.
+    /// The most cycles by which different data may change the time on the bench; `u32::MAX` if only the bound is
+    /// checked.
     pub spread: u32,
 }
 
-/// Returns the bounds for the fast, optimistic and pessimistic clock, and the allowed spread, in cycles.
+/// Returns the bounds for the fast, optimistic and pessimistic clock, and by how much the data may change the time, in
+/// cycles.
 #[must_use]
 pub const fn bounds(fast: u32, optimistic: u32, pessimistic: u32, spread: u32) -> Bounds {
     Bounds { fast, optimistic, pessimistic, spread }
@@ -65,7 +69,7 @@ impl Bounds {
         }
     }
 
-    /// Returns the allowed spread of the work for [`CLOCK`], in cycles.
+    /// Returns by how many cycles the data may change the time of the work, for [`CLOCK`].
     #[must_use]
     pub const fn spread_here(self) -> u32 {
         match CLOCK {
@@ -156,8 +160,7 @@ impl Taken {
         self.max.saturating_sub(self.min)
     }
 
-    /// Panics if the slowest call exceeded its bound, or if the time varied with the data by more than the allowed
-    /// spread.
+    /// Panics if the slowest call exceeded its bound, or if the data changed the time by more cycles than allowed.
     pub fn assert(self, what: &str, bounds: Bounds) {
         let (bound, spread) = (bounds.here(), bounds.spread_here());
         defmt::info!(
@@ -193,8 +196,8 @@ pub fn a_dependence_is_seen(cycles: &Cycles) {
     let compare = |bytes: &[u8; LENGTH]| bytes.iter().take_while(|byte| black_box(**byte) == 0).count();
     let taken = cycles.over([differing_at(0), differing_at(LENGTH / 2), differing_at(LENGTH - 1)], compare);
     defmt::info!("a comparison that stops early: {=u32}..{=u32} cycles", taken.min, taken.max);
-    // This comparison stops early, so its time must vary by at least two instructions for each byte. That is more than
-    // any spread that a suite allows.
+    // This comparison stops at the first difference, so its time must vary by at least two instructions for each byte.
+    // No suite allows the time of its work to vary as much.
     defmt::assert!(taken.spread() >= 2 * (LENGTH as u32 - 1), "a dependence on data was not seen: {}", taken);
     let same = cycles.over([differing_at(7); 3], compare);
     defmt::assert!(same.spread() <= bounds(0, 0, 0, 16).spread_here(), "a spread where there is none: {}", same);

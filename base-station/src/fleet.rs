@@ -118,7 +118,7 @@ pub struct Fleet {
 impl Fleet {
     /// Passes a message's objects, which arrived at `at_us`, to the drone that sent them. Returns the drone and the
     /// verdict on each object. There are no verdicts if there is no room for another drone, or if an unknown drone
-    /// brought no intact object. The hold's object alone makes no drone, and nobody a rival.
+    /// brought no intact object. Hold-Status alone makes neither a new drone nor a second sender of a known one.
     pub fn take(&mut self, who: Who, source: Source, at_us: u64, bundle: &Bundle<'_>) -> (DroneId, Vec<Verdict>) {
         let mine: Vec<DroneId> = self.of(who).filter(|(_, sender)| sender.source == source).map(|(id, _)| id).collect();
         let fits = |id: &&DroneId| self.drones.get(id).is_some_and(|sender| sender.drone.fits(at_us, bundle));

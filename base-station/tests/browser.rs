@@ -506,10 +506,10 @@ fn the_page_can_be_used_by_keyboard_and_says_what_it_shows() {
     while order.len() < 8 {
         tab.press("Tab");
         order.push(tab.eval(focused).as_str().unwrap_or_default().to_owned());
-        // The other drone is silent by this time, so the page may have a button to acknowledge that alarm.
+        // The second drone is silent by now, so the page may have a button to acknowledge that alarm.
         order.retain(|id| id != "acknowledge");
     }
-    // Three elements have no id: the list of changes, and two drones in the list of all drones.
+    // The three empty names are elements without an id: the list of changes, and two drones in the list of all drones.
     assert_eq!(order, ["drone", "sound", "notify", "live-keys", "", "", "", "scroll"]);
     assert_eq!(tab.eval("getComputedStyle(document.activeElement).outlineStyle"), "solid", "the focus is seen");
     tab.eval("document.getElementById('drone').focus()");

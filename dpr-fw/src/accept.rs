@@ -54,7 +54,7 @@ impl Objects {
         Self(((2_u16 << receivers) - 1) as u8)
     }
 
-    /// Returns the objects of a frame whose objects have this place in the profile.
+    /// Returns the set of the objects that a frame carries, given the place of these objects in the profile.
     #[must_use]
     pub const fn at(place: Place) -> Self {
         Self((((1_u16 << place.count()) - 1) << place.first()) as u8)
@@ -239,8 +239,8 @@ impl<const N: usize> Acceptance<N> {
     pub fn judge(&mut self, payload: &[u8], early: &Early, ended_us: u64) -> Result<Verdict, Rejection> {
         let place = air::place::<N>(payload)?;
         let sampled_us = ended_us.wrapping_sub(u64::from(Self::AGE_AT_END_US[frame_number(place)]));
-        // If LEN announced another length than the whole frame has, the early results do not count. Every payload
-        // length of this profile is below 256 bytes.
+        // If LEN announced another length than the whole frame has, all objects are verified anew. Every payload length
+        // of this profile is below 256 bytes.
         let length = payload.len() as u8;
         let mut early = if early.length == length { *early } else { Early::of(length) };
         early.advance::<N>(payload);

@@ -5,15 +5,16 @@
 //! Each image is built in a scrubbed buffer: accepted objects are copied in, and all other bytes stay zero, which no
 //! CRC accepts. Nothing is carried over from the previous image.
 //!
-//! - Up to three receivers: a cycle is one frame, so each frame is published at once, even if all its objects were
+//! - With up to three receivers a cycle is one frame, so each frame is published at once, even if all its objects were
 //!   rejected.
-//! - Five receivers: the image is published with the cycle's second frame. Two frames belong together if their ends
+//! - With five receivers the image is published with the cycle's second frame. Two frames belong together if their ends
 //!   give the same instant of the sample ([`accept::SAME_SAMPLE_US`](crate::accept::SAME_SAMPLE_US)), even if one of
 //!   them is damaged and its timestamp unknown; if both timestamps are known, they must be equal. The objects of the
 //!   first frame are published without the second when the second frame's deadline has passed
 //!   ([`link::SECOND_FRAME_US`](crate::link::SECOND_FRAME_US)), or when a frame arrives that does not belong to the
 //!   first. A second frame whose first was lost is published at once.
-//! - Silence: each deadline publishes an image without objects, so that the last objects do not stay readable.
+//! - While no frames come, each deadline publishes an image without objects, so that the last objects do not stay
+//!   readable.
 //!
 //! The deadline is an instant on the DPR's µs counter, counted from the end of the last frame. The task that a frame
 //! starts and the task that the timer starts do the same: they take in the frames that wait, call
@@ -187,10 +188,10 @@ impl<const N: usize> Commit<N> {
     /// Publishes an image without objects at once, because the image that the flight controller reads was found
     /// damaged. Returns false, and publishes none, if another image is about to replace the damaged one:
     ///
-    /// - while the image being filled holds objects of a newer cycle, since it is published within
-    ///   [`link::SECOND_FRAME_US`](crate::link::SECOND_FRAME_US);
-    /// - while a frame is about to end, since publishing would delay that frame: the frame brings the next image, or
-    ///   else its deadline does, 2.7 ms later.
+    /// - No image is published while the image being filled holds objects of a newer cycle, because that image is
+    ///   published within [`link::SECOND_FRAME_US`](crate::link::SECOND_FRAME_US).
+    /// - No image is published while a frame is about to end, because publishing would delay that frame. The frame
+    ///   brings the next image, or else its deadline does, 2.7 ms later.
     pub fn withdraw(&mut self, now_us: u32, health: &Health, images: &mut impl Images) -> bool {
         self.link.advance(now_us);
         if self.open.is_some() || self.shown != Objects::NONE || self.monitor.is_frame_due(now_us) {

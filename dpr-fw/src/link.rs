@@ -346,8 +346,8 @@ impl Link {
         })
     }
 
-    /// Returns, since start and wrapping, the numbers of objects accepted, objects rejected, frames received and frames
-    /// missed.
+    /// Returns the numbers of objects accepted, objects rejected, frames received and frames missed since the start.
+    /// They wrap.
     #[must_use]
     pub const fn counters(&self) -> [u32; 4] {
         [self.accepted, self.rejected, self.received, self.missed]

@@ -13,10 +13,10 @@
 //! could keep the RFID side from running. The peripheral reports the end of every granted transaction, even of one
 //! without bytes. Two bounds hold for granted transactions:
 //!
-//! - [`PAUSE_US`]: after the task has served the end of one transaction, the end of the next does not call it before
-//!   this time is over. A timer unmasks the events that call the task. Meanwhile the shortcut from END to ACQUIRE has
-//!   taken the buffers from the peripheral, so the flight controller reads 0xFF. So the task runs at most once between
-//!   the last bit of a frame and its image, whatever the flight controller does.
+//! - The pause [`PAUSE_US`]: after the task has served the end of one transaction, the end of the next does not call it
+//!   before this time is over. A timer unmasks the events that call the task. Meanwhile the shortcut from END to
+//!   ACQUIRE has taken the buffers from the peripheral, so the flight controller reads 0xFF. So the task runs at most
+//!   once between the last bit of a frame and its image, whatever the flight controller does.
 //! - [`Budget`] counts the granted transactions. When it is used up, no more are granted until the next image is
 //!   published. This bounds the load of the SSI task and of the port task.
 
@@ -141,8 +141,8 @@ pub struct SignOfLife {
 }
 
 impl SignOfLife {
-    /// The number of cycles, of 12.5 ms at most, for which the SSI task is not called during a transaction. With the
-    /// cycle of the call after them they are half of the watchdog's 100 ms.
+    /// The number of cycles, of 12.5 ms at most, for which the SSI task is not called during a transaction. The call
+    /// comes in the cycle after these, after 50 ms at most: half of the watchdog's 100 ms.
     pub const MOST: u32 = 3;
 
     /// Returns the state at the start. The start has taken up to a third of the watchdog's time. So a transaction that

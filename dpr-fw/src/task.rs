@@ -22,10 +22,10 @@ pub mod hold {
 }
 
 impl Task {
-    /// Whether the task runs only if another one, or its own timer, calls it; the DPR stops if it runs without
-    /// ([`firmware_common::calls`]). Each other task asks its hardware or its queue what there is to do, and does
-    /// nothing if there is nothing: how often it runs is up to whoever sends frames or reads the DPR, and must not make
-    /// the DPR stop.
+    /// Whether only another task, or the task's own timer, calls this task. If such a task runs without a call, the DPR
+    /// stops ([`firmware_common::calls`]). Every other task asks its hardware or its queue what there is to do, and
+    /// does nothing if there is nothing. How often it runs depends on who sends frames or reads the DPR, and must not
+    /// make the DPR stop.
     #[must_use]
     pub const fn is_step(self) -> bool {
         matches!(self, Self::deadline | Self::scrub | Self::port)

@@ -7,9 +7,9 @@
 //! only when a task before them calls for it. Whoever calls such a task leaves a mark, and the task takes the mark when
 //! it begins. A task that finds none was not called: its interrupt came from nowhere, or it ran twice for one call.
 //!
-//! Interrupts do not count: a task that is called twice before it begins runs once. A mark does not count either, so
-//! both agree. A call may also come when the task has begun and not yet taken its mark. Its interrupt is then pending
-//! again, so the mark stays for the next run.
+//! The number of calls does not count: a task that is called twice before it begins has one pending interrupt and one
+//! mark, so it runs once. A task may also be called when it has begun and has not yet taken its mark. Its interrupt is
+//! then pending again, so the mark stays for the next run.
 
 use core::{
     marker::PhantomData,
@@ -95,7 +95,7 @@ mod tests {
     /// A task that is called at any instant of its beginning finds a mark in each of its runs.
     #[test]
     fn a_call_while_the_task_begins_leaves_a_mark_for_the_next_run() {
-        // The call comes before the mark is read, or between that and the look at the interrupt.
+        // The task is called while it begins: before it takes its mark, or between that and the query of its interrupt.
         let calls = Calls::new();
         calls.make(Two::Port);
         calls.make(Two::Port);

@@ -51,7 +51,8 @@ causes! {
     MemoryProtection = 1, "memory protection";
     /// The bus has refused an access: no memory or peripheral is at the address, or its clock is off.
     BusFault = 2, "bus fault";
-    /// An instruction cannot be executed: it is undefined or unaligned, divides by zero, or needs another state.
+    /// An instruction cannot be executed: it is undefined or unaligned, divides by zero, or needs another state of the
+    /// processor.
     UsageFault = 3, "usage fault";
     /// A HardFault that is none of the other faults: a vector could not be read, or a debug event came.
     HardFault = 4, "hard fault";

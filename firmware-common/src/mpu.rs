@@ -6,11 +6,11 @@
 //!
 //! - *An address that no region opens is shut* (MPU_CTRL.PRIVDEFENA = 0, ARMv7-M ARM B3.5.5), also to privileged code,
 //!   as all of the firmware is. The bus at 0xE000_0000 is exempt (B3.5.1).
-//! - *Where two regions overlap, the one of the higher number decides* (B3.5.3). If a subregion, an eighth of a region,
-//!   is shut, the regions of lower numbers decide about its addresses.
+//! - *Where two regions overlap, the one of the higher number decides* (ARMv7-M ARM B3.5.3). If a subregion, an eighth
+//!   of a region, is shut, the regions of lower numbers decide about its addresses.
 //! - *The unit does not apply* at the priority of HardFault, of NMI and under FAULTMASK (MPU_CTRL.HFNMIENA = 0), so
 //!   that the handler can run even if the table itself is wrong.
-//! - *The processor fetches exception vectors without the unit* (B3.5.1), so the vector table may be shut.
+//! - *The processor fetches exception vectors without the unit* (ARMv7-M ARM B3.5.1), so the vector table may be shut.
 //! - *The unit does not check DMA*, since it lies between the core and the bus.
 //!
 //! An access that the tables forbid raises MemManage, which leads to the safe state
@@ -65,7 +65,7 @@ pub struct Region {
 impl Region {
     /// The size of the smallest region, bytes (ARMv7-M ARM B3.5.8).
     const SMALLEST: u32 = 32;
-    /// The size of the smallest region that has subregions, bytes (B3.5.3).
+    /// The size of the smallest region that has subregions, bytes (ARMv7-M ARM B3.5.3).
     const SMALLEST_OF_EIGHTHS: u32 = 256;
 
     /// Returns a region of `size` bytes from `base` on, with all its bytes open. `name` describes the region in
@@ -118,16 +118,17 @@ impl Region {
         self.spans(address) && (self.size < 8 || self.shut >> ((address - self.base) / (self.size / 8)) & 1 == 0)
     }
 
-    /// Returns the value of MPU_RBAR for region `number`. Its bit VALID is set, so that it selects the region (B3.5.8).
+    /// Returns the value of MPU_RBAR for region `number`. Its bit VALID is set, so that it selects the region (ARMv7-M
+    /// ARM B3.5.8).
     #[cfg(any(test, target_os = "none"))]
     const fn rbar(&self, number: u32) -> u32 {
         self.base | 1 << 4 | number
     }
 
-    /// Returns the value of MPU_RASR (B3.5.9), with the region enabled.
+    /// Returns the value of MPU_RASR (ARMv7-M ARM B3.5.9), with the region enabled.
     #[cfg(any(test, target_os = "none"))]
     const fn rasr(&self) -> u32 {
-        // AP gives privileged and unprivileged code the same permission (table B3-15).
+        // AP gives privileged and unprivileged code the same permission (ARMv7-M ARM, table B3-15).
         let permission = match self.allowed {
             Allowed::Nothing => 0b000,
             Allowed::ReadWrite => 0b001,
@@ -200,7 +201,8 @@ impl<const N: usize> Table<N> {
 #[cfg(target_os = "none")]
 #[allow(unsafe_code)]
 pub fn apply<const N: usize>(unit: &mut cortex_m::peripheral::MPU, table: &Table<N>) {
-    /// MPU_CTRL: the unit is on, but off in HardFault and NMI, and an address that no region opens is shut (B3.5.5).
+    /// MPU_CTRL: the unit is on, but off in HardFault and NMI, and an address that no region opens is shut (ARMv7-M ARM
+    /// B3.5.5).
     const ENABLE: u32 = 1;
     off();
     for number in 0..Table::<N>::MOST as u32 {

@@ -149,7 +149,7 @@ mod test {
         "visit_down r3, r4",
         "mov r2, r1",
         "visit_down r4, r3",
-        // This visit reads each word once more, and writes the value that the word already has.
+        // The last visit reads each word once more, and writes the value that the word already has.
         "visit_up r3, r3",
         "3:",
         "bx lr",

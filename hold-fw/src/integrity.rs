@@ -7,8 +7,8 @@
 //! | a RAM word does not hold what is written to it, also at the start | the output is off, *memory fault* as well |
 //! | a guard word has changed | safe state, [`Cause::GuardWord`] |
 //!
-//! After either of the first two findings the hold goes on until its next start, with its output off, so that it can
-//! report the fault. A program that is found changed at the start is not run.
+//! After a fault of flash or of RAM the hold goes on until its next start, with its output off, so that it can report
+//! the fault. A program that is found changed at the start is not run.
 
 use firmware_common::{
     last_stop::Cause,

@@ -9,12 +9,11 @@ use core::ops::Range;
 const FULL_SCALE: f32 = 3.6;
 const STEPS: i16 = 4_096;
 
-/// The limits of the supply, V. The lower limit is above the voltage at which the hold stops. The upper limit, which
-/// itself lies outside, is the highest that the nRF52840 bears (PS v1.7, 5.3.1).
+/// The limits of the supply, V. The lower limit is above the voltage at which the hold stops. The upper limit is the
+/// highest voltage that the nRF52840 bears (PS v1.7, 5.3.1), and itself counts as outside.
 pub const LIMITS: Range<f32> = 2.9..FULL_SCALE;
 
-/// The lowest result that is believed, V: the hold stops below 2.57 V, so a lower result is an error of the
-/// measurement.
+/// The lowest plausible result, V: the hold stops below 2.57 V, so a lower result is an error of the measurement.
 const LOWEST: f32 = 2.5;
 
 /// Returns the supply voltage, V, of a conversion's result; `None` if the result is too low to be right.

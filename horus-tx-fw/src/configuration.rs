@@ -42,15 +42,16 @@
 //!
 //! # Sources
 //!
-//! - Keys: semuconsulting/pyubx2 (`ubxtypes_configdb.py`), aortner/ubloxcfg and the `ublox` crate (`cfg_val.rs`), which
-//!   agree. The crate has neither NAV-ATT's keys nor a way to leave the thousand other keys out of flash, so the few
-//!   keys that HORUS needs are written here.
-//! - Dynamic models: u-blox, *ZED-F9R integration manual* (UBX-20039643), "Dynamic platform", tables of the models and
-//!   of their limits; key and values: *M10 interface description* (UBX-21035062), CFG-NAVSPG-DYNMODEL, and pyubx2;
-//!   PX4's `GPS_UBX_DYNMODEL`. Open: the integration manual says that the ZED-F9R's sensor fusion is optimised for
-//!   cars, scooters and lawn mowers only, but not whether it works, with NAV-ATT and ESF-INS, under an airborne model.
-//! - Form of the message, and the rule that one unknown key refuses the whole message: u-blox, *F9 interface
-//!   descriptions*, UBX-CFG-VALSET.
+//! - Sources of the keys: semuconsulting/pyubx2 (`ubxtypes_configdb.py`), aortner/ubloxcfg and the `ublox` crate
+//!   (`cfg_val.rs`), which agree. The crate has neither NAV-ATT's keys nor a way to leave the thousand other keys out
+//!   of flash, so the few keys that HORUS needs are written here.
+//! - Sources of the dynamic models: u-blox, *ZED-F9R integration manual* (UBX-20039643), "Dynamic platform", tables of
+//!   the models and of their limits; key and values: *M10 interface description* (UBX-21035062), CFG-NAVSPG-DYNMODEL,
+//!   and pyubx2; PX4's `GPS_UBX_DYNMODEL`. Open: the integration manual says that the ZED-F9R's sensor fusion is
+//!   optimised for cars, scooters and lawn mowers only, but not whether it works, with NAV-ATT and ESF-INS, under an
+//!   airborne model.
+//! - Source of the form of the message, and of the rule that one unknown key refuses the whole message: u-blox, *F9
+//!   interface descriptions*, UBX-CFG-VALSET.
 
 use crate::{
     source::{Message, Rate, MESSAGE},

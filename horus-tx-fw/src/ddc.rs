@@ -29,10 +29,11 @@
 //!
 //! # Sources
 //!
-//! - Registers, and that their address counts up: u-blox, *u-blox M9/F9 integration manuals*, "I2C interface", read
-//!   access; in use in sparkfun/SparkFun_u-blox_GNSS_Arduino_Library (`checkUbloxI2C`), ArduPilot and gpsd. A count of
-//!   0xFFFF is taken as zero, because a line that nobody drives reads as ones.
-//! - Events: RM0090, "I2C", transfer sequence diagrams for master transmitter and receiver, and "DMA requests".
+//! - Source of the registers, and of the rule that their address counts up: u-blox, *u-blox M9/F9 integration manuals*,
+//!   "I2C interface", read access; in use in sparkfun/SparkFun_u-blox_GNSS_Arduino_Library (`checkUbloxI2C`), ArduPilot
+//!   and gpsd. A count of 0xFFFF is taken as zero, because a line that nobody drives reads as ones.
+//! - Source of the order of events: RM0090, "I2C", transfer sequence diagrams for master transmitter and receiver, and
+//!   "DMA requests".
 
 use core::ops::Range;
 
@@ -59,7 +60,7 @@ pub const STEP_US: u16 = 10;
 /// acknowledge.
 const CLOCKS: u8 = 9;
 
-/// If a recovery did not free the bus, the number of ticks until the next recovery.
+/// The number of ticks until the next recovery of the bus, if a recovery did not free it.
 pub const HOLD_TICKS: u8 = 10;
 
 /// The most events without progress before the event interrupts are switched off. A repeated START is on the bus within
@@ -357,11 +358,11 @@ impl Ddc {
         }
     }
 
-    /// Takes the recovery of the bus one level further, when the last level has lasted for [`STEP_US`].
+    /// Drives the next level of the bus's recovery, when the level before it has lasted for [`STEP_US`].
     pub fn step(&mut self) -> Order {
         let State::Recovering(step) = self.state else { return Order::Nothing };
         self.state = State::Recovering(step.saturating_add(1));
-        // After this level comes the STOP, a rise of SDA while SCL is high.
+        // The recovery's last levels make the STOP, a rise of SDA while SCL is high.
         const LAST: u8 = 2 * CLOCKS;
         match step {
             0..LAST => Order::Drive { scl: step % 2 == 1, sda: true },

@@ -11,11 +11,10 @@
 //! | tick | `gnss_tick`, and the last `rf_slot` | from the last slot to the tick |
 //! | task `cycle` | the tick | – |
 //!
-//! The first slot comes first in the table, since the cycle timer starts at 0 and so meets it before the first tick. It
-//! is served when the start is over; the times count from the first tick.
-//! Ticks and slots come from the cycle timer, TIM2; their times are measured by SysTick. All other tasks are called by
-//! hardware that others drive (receivers, front end), as often as those like; such a task asks its hardware what has
-//! happened, and does nothing if nothing has.
+//! The first slot comes first in the table, because the cycle timer starts at 0 and reaches that slot before the first
+//! tick. It is served when the start is over; the times count from the first tick. Ticks and slots come from the cycle
+//! timer, TIM2; SysTick measures the times between them. Events of receivers and of the front end call all other tasks,
+//! at any rate. Such a task asks its hardware what has happened, and does nothing if nothing has.
 
 use firmware_common::flow::{self, Rule};
 
@@ -64,8 +63,8 @@ impl Step {
     }
 }
 
-/// How early a slot or tick may be served, µs. Both counters have one clock; but the first tick, from which the times
-/// count, may itself be served late by some tens of cycles.
+/// How early a slot or tick may be served, µs. TIM2 and SysTick have one clock, but the times count from the first
+/// tick, which may itself be served some tens of cycles late.
 pub const EARLY_US: u32 = 2;
 
 /// How late a slot or tick may be served, µs. No lock masks the timer's interrupt, no other one has its priority, and

@@ -139,8 +139,8 @@ mod app {
     fn init(mut cx: init::Context) -> (Shared, Local, init::Monotonics) {
         let mut device = cx.device;
 
-        // The watchdog has been running since the first instructions (`hw::start_up`). The bits of DBGMCU are set each
-        // time, since only power-on clears them.
+        // The watchdog has been running since the first instructions (`hw::start_up`). DBGMCU's bits, which stop it
+        // under a debugger, are set at each start, because only power-on clears them.
         let mut watchdog = IndependentWatchdog::new(device.IWDG);
         watchdog.stop_on_debug(&device.DBGMCU, cfg!(feature = "debugger-stops-watchdog"));
         // The watchdog is fed once its reload value has arrived, so that it counts from that value.
@@ -293,8 +293,8 @@ mod app {
         }
     }
 
-    /// Records that a step of the cycle begins. If it is not its turn, HORUS stops. A debugger that halts the processor
-    /// delays steps, so the order counts only where the watchdog runs on.
+    /// Records that a step of the cycle begins. HORUS stops if another step should come first. A debugger that halts
+    /// the processor delays steps, so the order counts only where the watchdog runs on.
     #[inline(always)]
     fn begin(step: Step) {
         if !FLOW.begin(step, cycle_timer::counter) && !cfg!(feature = "debugger-stops-watchdog") {
@@ -369,8 +369,8 @@ mod app {
         begin(Step::rf_slot(slot.as_ref().map_or(0, |slot| slot.frame)));
         if let Some(slot) = slot {
             if slot.frame == 0 {
-                // Both tasks are called after the slot: earlier, a division or a slow bus access of theirs would delay
-                // the slot's interrupt.
+                // The vote and the receivers' tick are called only after the slot. Before it, a division or a slow bus
+                // access of theirs would delay the slot's interrupt.
                 board::call(Task::vote);
                 board::call(Task::gnss_tick);
             }

@@ -53,9 +53,10 @@ pub const LONGEST_PERIOD_MS: u32 = 1_000;
 const SHORTEST_PERIOD_MS: u32 = 20;
 /// How many steps of the time of week in a row must be longer than the period before the period grows.
 pub const LONGER_STEPS: u32 = 4;
-/// A solution is valid until its age exceeds its period by this, ms (docs/design.md#validity).
+/// The time, ms, by which a solution's age may exceed its period while the solution is valid (docs/design.md#validity).
 pub const VALID_SLACK_MS: u32 = 150;
-/// A solution is stale once its age exceeds its period by this, ms (docs/design.md#validity).
+/// The time, ms, by which a solution's age has to exceed its period for the solution to be stale
+/// (docs/design.md#validity).
 pub const STALE_SLACK_MS: u32 = 50;
 /// The age, ms, from which on a time stamp is dropped, long before the clock's wrap could make it look recent.
 const FORGOTTEN_MS: u32 = 60_000;

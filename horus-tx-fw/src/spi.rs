@@ -19,7 +19,7 @@
 //!   the first clock, 1 ms between two selections, at most 5.5 MHz, and **at least 8 µs from byte to byte** (125 kB/s,
 //!   which the F9 data sheets name as the maximum transfer rate too). A DMA transfer has no gaps between bytes, so the
 //!   bit rate has to keep the byte period: 562.5 kHz ([`crate::timing::GNSS_SPI_HZ`]), 14.2 µs a byte.
-//! - Filler: u-blox, *ZED-F9T and ZED-F9K integration manuals*, "SPI interface", read access.
+//! - Source of the rules for filler: u-blox, *ZED-F9T and ZED-F9K integration manuals*, "SPI interface", read access.
 
 use crate::{
     receiver::BUFFER,
@@ -392,7 +392,8 @@ mod tests {
     #[test]
     fn bytes_that_waited_stay_old_while_only_filler_comes() {
         let mut polling = Polling::new();
-        // The stuck line works again. Old bytes come in two transfers, then silence, a message, and silence.
+        // The stuck line works again. Two transfers bring old bytes, and later ones bring silence, a message, and
+        // silence.
         for (brought, is_empty, is_old) in [
             (false, true, true),
             (false, true, true),

@@ -216,8 +216,8 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
         self.executor.resume()
     }
 
-    /// Serves an event of the state machine and those that follow from it at once. There are at most three, since the
-    /// state machine requests a transfer or a wait after every event but a fault.
+    /// Serves an event of the state machine, and the events that this causes at once: three at most, because the state
+    /// machine requests a transfer or a wait after every event but a fault.
     fn serve(&mut self, mut event: Option<PollerEvent>) {
         while let Some(happened) = event {
             event = match happened {

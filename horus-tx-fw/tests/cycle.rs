@@ -20,7 +20,8 @@ use ubx::{esf_ins, nav_att, NavPvt};
 const INACTIVE: Levels = Levels { active: false, inactive: true };
 
 trait Tick<const N: usize> {
-    /// Votes for a tick and fills its profile from `solutions`, with settled, inactive inputs of HORUS's state.
+    /// Votes for a tick and fills its profile from `solutions`. The inputs of HORUS's state are inactive and have
+    /// settled.
     fn voted_and_filled(&mut self, tick: u32, solutions: &[Solution; N]) -> Profile<N>;
 }
 
@@ -99,13 +100,14 @@ fn reported_position_is_the_majoritys_and_the_outvoted_is_excluded() {
     assert_eq!(reported.altitude, 512.345);
     assert_eq!(reported.acceleration, [0.01, 0.02, 0.03]);
     assert_eq!([reported.pitch, reported.yaw, reported.roll], [gps[1].pitch, gps[1].yaw, gps[1].roll]);
-    // The status bits mean: two receivers agree; position, attitude and acceleration valid; degraded; monitoring.
+    // The expected status has these bits: two receivers agree; position, attitude and acceleration valid; degraded;
+    // monitoring.
     assert_eq!(reported.status.bits(), 0b0111_1010 | 1 << 8);
-    // The status bits mean: 3D fix, position valid, heard, excluded. An excluded receiver's own object still has its
-    // values.
+    // The expected status of the excluded receiver has these bits: 3D fix, position valid, heard, excluded. Its own
+    // object still has its values.
     assert_eq!(gps[0].status.bits(), 0x0293);
     assert_eq!(gps[0].latitude, 1e-7);
-    // The status bits mean: 3D fix; position, attitude and acceleration valid; heard.
+    // The expected status has these bits: 3D fix; position, attitude and acceleration valid; heard.
     assert_eq!(gps[1].status.bits(), 0xF3);
 }
 

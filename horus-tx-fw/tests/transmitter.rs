@@ -31,7 +31,7 @@ struct Transfer {
     next_at: u64,
 }
 
-/// The chip, the SPI, the one-shot timer and the ticket, as the interrupts access them.
+/// The hardware of the model, as the interrupts access it: chip, SPI, one-shot timer and ticket.
 struct Bench {
     now: u64,
     chip: Chip,
@@ -223,7 +223,7 @@ fn run_on(
                 AirEvent::FrameStart(start) => sent.push(Sent { at, payload: start.chunk.data }),
                 AirEvent::Bytes(chunk) => sent.last_mut().expect("it has started").payload.extend(chunk.data),
                 AirEvent::FrameEnd { bits } => {
-                    // `bits` counts the frame's LEN, payload and CRC-16.
+                    // The number `bits` includes the frame's LEN, payload and CRC-16.
                     let frame = sent.last_mut().expect("it has started");
                     assert!(frame.payload.len() * 8 >= bits as usize);
                     frame.payload.truncate(bits as usize / 8);

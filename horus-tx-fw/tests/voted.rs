@@ -11,7 +11,7 @@
 //! between the two right ones or on one of them.
 //!
 //! While the two right receivers agree with each other, there is a result at every tick. If they disagree, which is
-//! rare, nobody can tell which of them is right, and the run is only compared with the bound.
+//! rare, nobody can tell which of them is right, and only the bound of the result's error is checked.
 
 use std::sync::Arc;
 
@@ -274,14 +274,14 @@ struct Outcome {
     wronged: u32,
     /// The number of ticks at which fewer receivers agreed than are fitted although the status did not say *degraded*.
     undegraded: u32,
-    /// The number of ticks with a result beyond the bound that is not explained by two failed receivers that agree.
+    /// The number of ticks whose result is farther from the truth than allowed, although no two failed receivers agree.
     unexplained: u32,
     /// The greatest error in height of all ticks with an altitude, m.
     worst_height_m: f64,
     /// The number of ticks later than [`SETTLED_MS`] whose result has an attitude.
     oriented: u32,
     worst_heading: f64,
-    /// The time from the failure to the first tick with a result that is farther from the truth than the bound, ms.
+    /// The time from the failure to the first tick whose result is farther from the truth than allowed, ms.
     far_after_ms: Option<u32>,
 }
 
@@ -355,7 +355,8 @@ fn run(seed: u64, failures: &mut [(usize, Failure)]) -> Outcome {
             };
             let error = off(reported.latitude, reported.longitude);
             outcome.worst_m = outcome.worst_m.max(error);
-            // A result beyond the bound is explained only by two wrong receivers that alone agree with each other.
+            // A result farther from the truth than allowed is explained only by two wrong receivers that agree with
+            // each other and with no other receiver.
             let of_two_wrong = failures.len() == 2 && agreeing == 2 && {
                 let wrong: Vec<_> = failures.iter().map(|(who, _)| &gps[*who]).collect();
                 wrong.iter().all(|gps| gps.status.position_valid() && !gps.status.excluded())
@@ -404,8 +405,8 @@ fn one_of_three(runs: u64) {
             assert_eq!(outcome.undegraded, 0, "{said}");
             assert!(outcome.worst_m <= RIGHT_M + AGREE_M, "{said}");
             assert!(outcome.worst_height_m <= RIGHT_HEIGHT_M + AGREE_HEIGHT_M, "{said}");
-            // If the two receivers that have not failed disagree, nobody can tell which of them is right, so no bound
-            // is checked.
+            // If the two receivers that have not failed disagree, nobody can tell which of them is right. A tick may
+            // then have no result, or one of the two may be excluded.
             if outcome.apart == 0 {
                 assert_eq!((outcome.without, outcome.wronged), (0, 0), "{said}");
             }

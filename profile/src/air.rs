@@ -57,7 +57,7 @@ const OVERHEAD_BITS: u64 = 48 + 16 + 8 + 16;
 
 const BIT_CARRIER_PERIODS: u64 = 32;
 
-/// The ns in 678 carrier periods. No shorter time is a whole number both of ns and of periods.
+/// The length of 678 periods of the carrier, ns. In no fewer periods does a whole number of ns pass.
 const NS_PER_678_PERIODS: u64 = 50_000;
 
 /// The air time of a frame with `payload` bytes, ns, from the first preamble bit to the last bit of the CRC-16.

@@ -2,7 +2,7 @@
 //!
 //! # The table
 //!
-//! Rows are sources, columns destinations (paper, Table 1).
+//! In the paper's Table 1 a row is a source, and a column is a destination:
 //!
 //! | from \ to | Base Station | HORUS | Flight Controller | Active Load |
 //! |---|---|---|---|---|

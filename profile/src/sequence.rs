@@ -11,10 +11,10 @@
 //! step, within [`TOLERANCE_US`] plus [2 %](TOLERANCE_SHARE) of the step. The last cycle is the last one that arrived,
 //! whether it was in sequence or not.
 //!
-//! **Search.** A search begins at the start, and after any cycle that is not in sequence. No cycle is shown until it
-//! ends, with the last of [`SEARCH_CYCLES`] cycles in a row whose timestamps each advance by exactly 10 ms and whose
-//! samples are each 10 ms ± [`SEARCH_TOLERANCE_US`] later. The first cycle of a search has no predecessor and does not
-//! count. The last one is in sequence:
+//! **Search.** A search begins at the start, and after any cycle that is not in sequence. It ends with the last of
+//! [`SEARCH_CYCLES`] cycles in a row. The timestamp of each must advance by exactly 10 ms, and its sample must be 10 ms
+//! ± [`SEARCH_TOLERANCE_US`] later. No cycle is shown before that. The first cycle of a search has no predecessor and
+//! does not count. The last one is in sequence:
 //!
 //! | cycle since the start, or since HORUS restarted | [`Judgement`] |
 //! |---|---|

@@ -291,8 +291,8 @@ mod oracle {
         advance(before, now) == Some(10) && (9_500..=10_500).contains(&(now.1 - before.1))
     }
 
-    /// Whether the last cycle of `history` is in sequence. First there must be three exact steps in a row; after them
-    /// each step must continue the one before.
+    /// Whether the last cycle of `history` is in sequence: `history` must have three exact steps in a row, after which
+    /// each step continues the one before.
     pub(crate) fn in_sequence(history: &[Arrival]) -> bool {
         let steps: Vec<_> = history.windows(2).map(|pair| (pair[0], pair[1])).collect();
         (3..=steps.len()).any(|end| {

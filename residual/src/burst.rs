@@ -13,7 +13,7 @@
 /// log2 of the fraction of all bursts of `bits` bits that a CRC with `check_bits` check bits does not detect; `None` if
 /// it detects all.
 ///
-/// All patterns count equally, and the codeword is longer than the burst.
+/// All patterns of a burst count as equally probable, and the codeword is longer than the burst.
 #[must_use]
 pub const fn undetected_log2(check_bits: u32, bits: u32) -> Option<i64> {
     if bits <= check_bits {

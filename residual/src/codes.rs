@@ -1,4 +1,5 @@
-//! The codes that are judged: the profile's two polynomials, and others for comparison, at every length in use.
+//! The codes whose error detection is calculated: the profile's two polynomials, and others for comparison, at every
+//! length in use.
 use std::fmt::Write as _;
 use std::num::NonZero;
 use std::sync::LazyLock;
@@ -67,8 +68,8 @@ pub struct Code {
 }
 
 impl Code {
-    /// Every code that is judged, by length: all polynomials at the lengths of the profile's objects, and the frame CRC
-    /// at the lengths of Link-Status and of a request on the SSI.
+    /// All codes whose error detection is calculated, by length: all polynomials at the lengths of the profile's
+    /// objects, and the frame CRC at the lengths of Link-Status and of a request on the SSI.
     #[must_use]
     pub fn all() -> Vec<Self> {
         let compared = COMPARED.iter().flat_map(|bits| POLYNOMIALS.map(|named| Self { named, bits: *bits }));

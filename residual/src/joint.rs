@@ -6,9 +6,9 @@
 //! check bits, 448 data bits. Errors go undetected if and only if their pattern is a codeword of the outer code *and*
 //! its part in bytes 8 to 27 is one of the inner code. Two distances are of interest:
 //!
-//! - the distance of patterns that damage latitude or longitude, *and possibly other bits*: [`Joint::distance`]. Their
+//! - The distance of patterns that damage latitude or longitude, *and possibly other bits*: [`Joint::distance`]. Their
 //!   part in bytes 8 to 27 is a codeword other than 0.
-//! - the distance of all patterns: the outer code's own.
+//! - The distance of all patterns is that of the outer code.
 //!
 //! # The method
 //!
@@ -100,8 +100,8 @@ impl Joint {
             let mut complete = true;
             for weight in 1..=total {
                 if weight > MAX_WEIGHT || total - weight > MAX_OUTSIDE {
-                    // Weights this large cannot be searched together. They are excluded only if there is no inner
-                    // codeword of that weight.
+                    // These numbers of errors inside and outside are too large for the search. They are excluded only
+                    // if no inner codeword has that weight.
                     complete &= weight <= MAX_WEIGHT
                         && words_of(&mut inner_words, nesting, weight, threads).starting_at_0().is_empty();
                     continue;
@@ -130,7 +130,7 @@ impl Joint {
             }
             if !words.is_empty() {
                 words.sort_unstable();
-                // The search would have ended before if a smaller total weight were possible.
+                // No smaller total weight is possible, because the search would have ended with it.
                 return Self { distance: Some(total), at_least: total, examined, words };
             }
             if !complete {

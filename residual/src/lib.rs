@@ -10,9 +10,9 @@
 //! objects that `profile` sealed ([`wire`]): detectable error patterns must be rejected, and undetectable ones
 //! accepted, so that the weights are those of the code in use.
 //!
-//! **One command.** `cargo xtask residual` does all of it and writes `docs/safety/residual-error.md` with its plot. The
-//! counting takes a minute or two, so its result is committed ([`codes`]). Tests start from the committed result; the
-//! command counts again and compares.
+//! **One command.** `cargo xtask residual` makes all of these calculations, and writes `docs/safety/residual-error.md`
+//! with its plot. The counting takes a minute or two, so its result is committed ([`codes`]). Tests start from the
+//! committed result; the command counts again and compares.
 
 pub mod burst;
 pub mod codes;

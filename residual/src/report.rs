@@ -48,7 +48,7 @@ pub struct Analysis {
 }
 
 impl Analysis {
-    /// Judges the codes whose duals have these weights.
+    /// Calculates the results for the codes whose duals have these weights.
     ///
     /// # Errors
     ///
@@ -62,7 +62,7 @@ impl Analysis {
         Ok(Self { codes: codes.collect::<Result<_, _>>()? })
     }
 
-    /// Judges all codes from the committed weights of their duals.
+    /// Calculates the results for all codes from the committed weights of their duals.
     ///
     /// # Errors
     ///
@@ -73,11 +73,11 @@ impl Analysis {
         Self::new(&duals)
     }
 
-    /// Returns the results of this code, which must be one of the judged ones.
+    /// Returns the results for this code, which must be one of [`Analysis::codes`].
     ///
     /// # Panics
     ///
-    /// Panics if the code is not one of the judged ones.
+    /// Panics if the code is not one of [`Analysis::codes`].
     #[must_use]
     pub fn code(&self, named: Named, bits: usize) -> &Judged {
         let wanted = Code { named, bits };
@@ -113,7 +113,7 @@ pub struct Claim {
     pub claim: String,
     /// Whether the claim holds.
     pub holds: bool,
-    /// The number on which it depends whether the claim holds.
+    /// The number that shows why the claim holds or fails.
     pub figure: String,
 }
 

@@ -6,9 +6,9 @@
 //!
 //! > Σ A_w z^w = 2^-r Σ B_j (1 - z)^j (1 + z)^(n - j)
 //!
-//! This is in F. J. MacWilliams, N. J. A. Sloane, *The Theory of Error-Correcting Codes*, chapter 5. The right side is
-//! evaluated in integers of any size, by Horner's rule in 1 - z. Wrong counts of the dual would show: every coefficient
-//! must be divisible by 2^r and not negative, A_0 must be 1, and all must add up to 2^(n - r).
+//! This identity is in F. J. MacWilliams, N. J. A. Sloane, *The Theory of Error-Correcting Codes*, chapter 5. Its right
+//! side is evaluated in integers of any size, by Horner's rule in 1 - z. Wrong counts of the dual would show: every
+//! coefficient must be divisible by 2^r and not negative, A_0 must be 1, and all A_w must add up to 2^(n - r).
 use num_bigint::{BigInt, BigUint, Sign};
 
 use crate::DualWeights;

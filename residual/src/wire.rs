@@ -15,9 +15,9 @@ use profile::{
 use crate::joint::Joint;
 use crate::{Polynomial, Words, codes};
 
-/// The greatest length of bursts, bits, up to which every burst is injected.
+/// The greatest length of bursts, bits, of which every burst is injected.
 pub const EXHAUSTIVE_BURST: usize = 16;
-/// The greatest number of wrong bits up to which every error pattern is injected.
+/// The greatest number of wrong bits of which every pattern is injected.
 pub const EXHAUSTIVE_ERRORS: usize = 3;
 /// The seed of all random samples.
 const SEED: u64 = 0x4852_5553_2026_0001;
@@ -336,7 +336,7 @@ pub enum Expected {
     Rejected,
     /// Every pattern passes all CRCs.
     Accepted,
-    /// A pattern passes with a probability of 2^-31 or less, so at most one of the samples passes.
+    /// At most one of the samples passes, because a pattern passes with a probability of 2^-31 or less.
     Improbable,
 }
 

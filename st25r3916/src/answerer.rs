@@ -145,7 +145,7 @@ pub enum AnswererState {
     Stopping,
 }
 
-/// Counts since the answerer was made; each count wraps.
+/// The counts of what has happened since the answerer was made; each count wraps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct AnswererCounters {
@@ -210,7 +210,7 @@ impl Answerer {
         self.listener.state()
     }
 
-    /// Counts since the answerer was made.
+    /// The counts of what has happened since the answerer was made.
     #[must_use]
     pub const fn counters(&self) -> AnswererCounters {
         AnswererCounters {
@@ -293,8 +293,8 @@ impl Answerer {
         let why = match (loads, overtaken) {
             (true, true) => Unanswered::Overtaken,
             (true, false) if status.timer & reg::IRQ_EOF != 0 => Unanswered::FieldLost,
-            // The chip receives again only after its answer. So the answer was sent, and the FIFO already holds the
-            // next frame.
+            // The chip receives no frame before it has sent its answer. So the answer was sent, and the bytes in the
+            // FIFO are those of the next frame.
             (false, true) => return Some(self.sending(Sending::Sent { confirmed: status.is_set(reg::IRQ_TXE) })),
             (_, false) => return None,
         };

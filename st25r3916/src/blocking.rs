@@ -187,7 +187,7 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Poller<SPI, IRQ, DELAY> {
         Self(Executor::new(poller::Poller::new(config), Wires::new(spi, irq, delay)))
     }
 
-    /// Counts since this poller was made.
+    /// The counts of what has happened since this poller was made.
     pub const fn counters(&self) -> PollerCounters {
         self.0.machine().counters()
     }
@@ -255,7 +255,7 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Listener<SPI, IRQ, DELAY> {
         Self(Executor::new(listener::Listener::new(config), Wires::new(spi, irq, delay)))
     }
 
-    /// Counts since this listener was made.
+    /// The counts of what has happened since this listener was made.
     pub const fn counters(&self) -> ListenerCounters {
         self.0.machine().counters()
     }

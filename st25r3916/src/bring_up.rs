@@ -6,11 +6,11 @@
 //!    protection (ST25R3916 only); clear the interrupts by reading them; switch the oscillator on and wait for I_osc;
 //!    calibrate RC and wait for I_dct (ST25R3916B only); set and clear `reg_s`; measure the supply, wait for I_dct and
 //!    read the result; write the IO configuration for that supply; adjust the regulators and wait for I_dct.
-//! 2. Write ([`Part::Write`]): the role's [`Setting`]s, in order.
-//! 3. Read back ([`Part::ReadBack`]): IO, regulator control and the same [`Setting`]s; each must read as written. While
-//!    the chip runs they are read back again, one after each frame ([`BringUp::read_next`]).
-//! 4. Operate ([`Part::Operate`]): receiver or field on, the role's last commands, operation control, mode and bit
-//!    rate read back.
+//! 2. Write ([`Part::Write`]): write the role's [`Setting`]s, in order.
+//! 3. Read back ([`Part::ReadBack`]): read back IO, regulator control and the same [`Setting`]s; each must read as
+//!    written. While the chip runs they are read back again, one after each frame ([`BringUp::read_next`]).
+//! 4. Operate ([`Part::Operate`]): switch the receiver or the field on, send the role's last commands, and read back
+//!    operation control, mode and bit rate.
 //!
 //! The order of the first part is the data sheet's power-up sequence. Two more steps serve a chip in an unknown state.
 //! The IO drivers are set before the identity is read, so that MISO is driven as strongly as in operation. The

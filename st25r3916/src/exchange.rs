@@ -163,7 +163,7 @@ pub enum ExchangeState {
     Over,
 }
 
-/// Counts since the exchange was made; each count wraps.
+/// The counts of what has happened since the exchange was made; each count wraps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ExchangeCounters {
@@ -175,7 +175,7 @@ pub struct ExchangeCounters {
     pub flagged: u32,
     /// Windows without an answer.
     pub silent: u32,
-    /// Answers that began and were not delivered, and late ones.
+    /// Answers that began and were not delivered, and answers that began too late.
     pub dropped: u32,
 }
 
@@ -235,7 +235,7 @@ impl Exchange {
         self.poller.state()
     }
 
-    /// Counts since the exchange was made.
+    /// The counts of what has happened since the exchange was made.
     #[must_use]
     pub const fn counters(&self) -> ExchangeCounters {
         ExchangeCounters {

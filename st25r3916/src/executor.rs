@@ -168,8 +168,8 @@ impl<M: Machine, P: Port> Executor<M, P> {
         self.arrived.take().filter(|_| self.reading_to.is_none()).map(NonZeroUsize::get)
     }
 
-    /// Evaluates the port's state and continues as far as possible. After an event the owner calls
-    /// [`Executor::resume`], [`Executor::go_on`] or [`Executor::resume_later`].
+    /// Evaluates the port's state, and carries out the machine's steps until one waits for the hardware or an event
+    /// comes. After an event the owner calls [`Executor::resume`], [`Executor::go_on`] or [`Executor::resume_later`].
     pub fn poll(&mut self) -> Option<M::Event> {
         let step = match self.waiting {
             Waiting::Transfer if self.port.ended() => {
@@ -215,8 +215,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
         for _ in 0..STEPS {
             step = match step {
                 Step::Transfer(transfer) => {
-                    // The transfer is started before its time limit, since the limit can be set while the transfer
-                    // runs.
+                    // The transfer is started first, and its time limit is set while it runs.
                     if self.start(transfer) {
                         self.wait(Waiting::Transfer, TRANSFER_US);
                         return None;

@@ -39,9 +39,9 @@
 //! [`ReadMode::StoreAndForward`] the machine waits until I_rxe and then reads all bytes but the CRC-16: at 8 MHz 246 µs
 //! for a frame of 247 bytes. With [`ReadMode::WhileFilling`] it reads the bytes present three times before that:
 //!
-//! 1. 16 bytes after the sync: these include LEN, which determines the frame's end;
-//! 2. [`BODY`] bytes before that end: most of the frame;
-//! 3. [`TAIL`] bytes before that end.
+//! 1. The first read begins 16 bytes after the sync. These bytes include LEN, which determines the frame's end.
+//! 2. The second read begins [`BODY`] bytes before the frame's end, and takes most of the frame.
+//! 3. The third read begins [`TAIL`] bytes before the frame's end.
 //!
 //! So [`TAIL`] - 2 bytes of the payload are left after I_rxe (5 µs at 8 MHz with the command). The CRC-16 may stay in
 //! the FIFO unread: the chip has compared it, and re-arming clears the FIFO. The machine never empties the FIFO while
@@ -271,7 +271,7 @@ pub enum ListenerEvent {
     Fault(Fault),
 }
 
-/// Counts since the listener was made; each count wraps.
+/// The counts of what has happened since the listener was made; each count wraps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ListenerCounters {
@@ -458,7 +458,7 @@ impl Listener {
         self.state
     }
 
-    /// Counts since the listener was made.
+    /// The counts of what has happened since the listener was made.
     #[must_use]
     pub const fn counters(&self) -> ListenerCounters {
         let mut counters = self.counters;
@@ -877,7 +877,7 @@ impl Frame {
                 Plan::Tail => TAIL as u16,
                 Plan::End => return left_us,
             };
-            // This many bytes of the frame had arrived when the status before the last read was evaluated.
+            // The number of the frame's bytes that had arrived when the status before the last read was evaluated.
             let arrived = self.got + MARGIN;
             if let Some(total) = self.total
                 && total > arrived + to_come

@@ -152,26 +152,27 @@ pub enum Fault {
     },
     /// The chip was reset since bring-up, by a power-up or a brown-out, and has lost its configuration.
     Reset,
-    /// In a listener or answerer: no frame was delivered for [`crate::listener::SILENCE_US`] or, after the first
-    /// silence in a row, for twice as long each time. A silent poller and a deaf listener look the same.
+    /// The fault of a listener or answerer: no frame was delivered for [`crate::listener::SILENCE_US`]. After each
+    /// further silence in a row, that time is twice as long. A silent poller and a deaf listener look the same.
     Silence {
         /// Whether the chip detects the poller's field.
         field: bool,
     },
-    /// Poller, exchange: the transmitter or the oscillator is off without a command.
+    /// The fault of a poller or exchange: the transmitter or the oscillator is off, although no command switched it
+    /// off.
     FieldDropped,
     /// A response that no ST25R3916 gives (all ones, or of the wrong length), or a transfer that failed.
     Bus,
-    /// Sending: after the frame's air time and a margin, bytes are left in the FIFO and I_txe has not come.
+    /// A fault of sending: after the frame's air time and a margin, bytes are left in the FIFO and I_txe has not come.
     NoTransmitEnd,
-    /// Sending: the FIFO held a wrong number of bytes.
+    /// A fault of sending: the FIFO held a wrong number of bytes.
     FifoCount {
         /// The right number of bytes.
         expected: u16,
         /// The number of bytes in the FIFO.
         found: u16,
     },
-    /// Sending: the FIFO ran dry or over, so the frame is damaged.
+    /// A fault of sending: the FIFO ran dry or over, so the frame is damaged.
     FifoFlow,
     /// The IRQ pin stays high although no interrupt bit is set.
     IrqStuck,

@@ -184,7 +184,7 @@ pub enum PollerState {
     Sent,
 }
 
-/// Counts since the poller was made; each count wraps.
+/// The counts of what has happened since the poller was made; each count wraps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PollerCounters {
@@ -249,7 +249,7 @@ impl Poller {
         self.state
     }
 
-    /// Counts since the poller was made.
+    /// The counts of what has happened since the poller was made.
     #[must_use]
     pub const fn counters(&self) -> PollerCounters {
         self.counters
@@ -293,7 +293,7 @@ impl Poller {
             return self.sending(sending);
         }
         match (self.state, input) {
-            // The first arms handle states in which the last step was an event.
+            // The first arms of the match handle the states in which the last step was an event.
             (PollerState::New, _) => self.begin_bring_up(),
             (PollerState::FrameLost, _) => self.short(PollerState::Stopping, command::STOP),
             (PollerState::Ready | PollerState::Sent, _) | (PollerState::Sending(SendState::Loaded), Input::Start) => {

@@ -111,8 +111,9 @@ mod tests {
         // is too fast.
         ones.assert_at_least("fill and read-back of ones", 2 * WORDS as u32);
         zeros.assert_at_least("fill and read-back of zeros", 2 * WORDS as u32);
-        // The limit allows a sixteenth for the reading of the counter and, on a board, for where the code lies in the
-        // flash. Reading back takes nine tenths of a pass.
+        // A scrub must take at least as long as both passes timed alone, less a sixteenth: for the reading of the cycle
+        // counter and, on a board, for where the code lies in the flash. Reading back takes nine tenths of a pass, so a
+        // scrub without it would be too fast.
         let both = ones.min + zeros.min;
         scrub.assert_at_least("both passes of a scrub", both - both / 16);
     }

@@ -60,7 +60,7 @@ mod tests {
     #[test]
     fn sealing_and_verifying_take_bounded_and_constant_cycles(cycles: &mut Cycles) {
         // After each of four objects is checked, the code jumps to an address that it reads from flash. With four wait
-        // states the time of each jump may differ by up to 8 cycles, hence the spread.
+        // states the time of each jump may differ by up to 8 cycles, so the time of verifying may vary by 32 cycles.
         profile::bounds(cycles, bounds(3_500, 2_700, 7_600, 0), bounds(2_900, 1_600, 6_200, 4 * 8));
     }
 

@@ -317,8 +317,8 @@ impl Case {
     }
 }
 
-/// Runs these defects, and their runs without a defect, on all processors. Prints the outcomes, and returns how many
-/// differ from the table.
+/// Runs each of these defects, and the same runs without a defect, on all processors. Prints the outcomes, and returns
+/// how many differ from the table.
 fn run(chosen: &[(usize, &'static Defect)], bench: &Path, built: &Built) -> Result<usize> {
     let cases = Case::of(chosen);
     let (next, wrong) = (AtomicUsize::new(0), AtomicUsize::new(0));

@@ -11,9 +11,9 @@ use crate::{Receivers, firmware, workspace};
 /// How long the link runs before the measurement begins, ns: the start of the firmwares is negligible in longer runs.
 const WARM_UP_NS: u64 = 1_000_000_000;
 
-/// The longest time that a virtual second of the link may take, in times of the yardstick of [`bench::sim::speed`]. The
-/// bound is nine tenths of the speed that was measured when it was set, 4.3 times the yardstick; twelve measurements
-/// beside other work were between 4.27 and 4.36.
+/// The longest time that a virtual second of the link may take. Its unit is the time of a fixed piece of work, the
+/// yardstick of [`bench::sim::speed`]. When the bound was set, a virtual second took 4.3 of these units; twelve
+/// measurements beside other work gave 4.27 to 4.36. The bound allows nine tenths of that speed.
 const MOST_YARDSTICKS: f64 = 4.8;
 
 /// Reports instructions per second of the core alone, where the time of `sim` goes, the time of a copy of it, and the

@@ -323,7 +323,7 @@ impl Trace {
         }
     }
 
-    /// The labels of what shows a requirement: rules first, then tests.
+    /// Returns the labels of the rules, and then of the tests, that show a requirement.
     fn shown_by(&self, id: &str) -> Vec<String> {
         let mut all: Vec<_> = self.evidence.iter().filter(|it| it.ids.iter().any(|one| one == id)).collect();
         all.sort_by_key(|it| (it.kind, &it.file, &it.name));
@@ -335,7 +335,7 @@ impl Trace {
         self.broken.get(id).map_or(&[], Vec::as_slice)
     }
 
-    /// How much of everything there is, in one sentence.
+    /// Returns a sentence with the numbers of requirements, of the evidence for them, and of what broke them.
     fn summary(&self) -> String {
         let count = |kind| self.evidence.iter().filter(|it| it.kind == kind).count();
         let weigh = |weight: &str| self.requirements.iter().filter(|it| it.weight == weight).count();

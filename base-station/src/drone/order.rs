@@ -16,7 +16,7 @@
 //! | is quiet for [`QUIET_US`] | back by more than [`LATE_US`] | a stranger: perhaps a replayed recording |
 //! | has sent less than [`QUIET_US`] ago, but does not continue | any | not known yet |
 //!
-//! This rule keeps messages that arrive among those of the true sender from replacing that sender.
+//! A sender is replaced only in these cases, so messages that arrive among those of the true sender cannot replace it.
 
 use profile::{Freshness, freshness};
 
@@ -30,8 +30,8 @@ pub const AHEAD_US: u64 = 1_000_000;
 /// The longest time for which a carrier holds a message back while it delivers others, µs.
 pub const LATE_US: u64 = 10_000_000;
 
-/// A restarted sender's timestamp may exceed the time since the earlier sender's newest message by this, µs. That
-/// message may have been on its way for so long.
+/// The time, µs, by which a restarted sender's timestamp may exceed the time since the earlier sender's newest message.
+/// That message may have been on its way for so long.
 pub const RESTART_SLACK_US: u64 = 500_000;
 
 /// The number of timestamps in a row, each newer than the last, after which a restart or another sender is accepted.

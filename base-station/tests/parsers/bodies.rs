@@ -39,7 +39,7 @@ fn pieces(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
 }
 
 pub(crate) fn mavlink(bytes: &[u8]) {
-    // Bytes at the end may look like the beginning of a message. The added zeros complete it.
+    // The input's last bytes may look like the beginning of a message. The added zeros complete that message.
     let ended = [bytes, &[0; 600]].concat();
     let whole = Receiver::default().datagram(NOW, &ended);
     let mut receiver = Receiver::default();
@@ -70,7 +70,7 @@ fn judged(kind: Kind, from: &str, bytes: &[u8]) -> Vec<Judged> {
     };
     let judged = intake.take_each(&carried, |_, _| true, all);
     assert_eq!(intake.fleet().iter().len() > 0, judged.iter().any(|judged| judged.verdict.is_intact()));
-    // The bundles of a map are of no known drone until one has an intact object.
+    // No drone is known before the first bundle with an intact object, so `brought` lacks the bundles before it.
     let verdicts: Vec<_> = judged.iter().map(|judged| judged.verdict).collect();
     assert!(verdicts.ends_with(&brought));
     assert!(intake.take(&carried).iter().all(|judged| judged.verdict != Verdict::New));

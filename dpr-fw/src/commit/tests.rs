@@ -290,8 +290,8 @@ fn the_deadline_counts_from_the_end_of_the_frame() {
 
 #[test]
 fn a_frame_and_a_deadline_give_the_same_images_in_either_order() {
-    // The frame ends this many µs after the deadline. From 0 on the frame is late, so an image without objects comes
-    // first.
+    // `after_us` is the time from the deadline to the frame's end, µs. A frame that ends at the deadline or later is
+    // late, so an image without objects comes first.
     for after_us in [-1_i32, 0, 1, 150] {
         let mut images = Vec::new();
         for timer_first in [false, true] {
@@ -584,8 +584,8 @@ fn newest(sent: &[Sent], receivers: usize, now: i128) -> Vec<(usize, u32)> {
         return Vec::new();
     }
     if receivers == 5 && !frame.second {
-        // This is the first frame of its cycle, so the DPR waits for the second frame. Until the second frame's
-        // deadline the image stays that was newest when the first frame ended.
+        // A frame that is the first of its cycle waits for the second frame. Until the second frame's deadline, the
+        // image remains that was the newest when the first frame ended.
         return if passed >= 7_000 { alone } else { before(sent, receivers, number) };
     }
     let Some(first) = number

@@ -16,7 +16,7 @@ use crate::{
     ReceiveMemory,
 };
 
-/// The hardware of the second port, which does more than a port that only receives.
+/// The hardware of the second port. A port that only receives has no use for these operations.
 pub trait AnswerPort: FrontEndPort {
     /// Returns the present value, µs, of the timer that also captures [`FrontEndPort::irq_edge_us`].
     fn now_us(&mut self) -> u32;
@@ -202,7 +202,7 @@ where
         self.executor.go_on(|_| Step::Transfer(Transfer::Short(Answerer::transmit())))
     }
 
-    /// Gives up a buffer into which a frame may have been written, and goes on with a clean one.
+    /// Replaces the receive buffer by a clean one, because bytes of a frame that is given up may be in it.
     fn replace_buffer(&mut self, telemetry: &HoldTelemetry) {
         let Self { executor, rotation, .. } = self;
         executor.port().exchange(|begun| {

@@ -22,7 +22,7 @@ fn object(timestamp: u32) -> HoldStatus {
     HoldStatus::seal(Writer::<ActiveLoad>::claim(), &HoldValues::absent(timestamp))
 }
 
-/// Calls the budget every `every_us` from `from_us` to `until_us`. Returns the number of calls at which the port may
+/// Asks the budget for a call every `every_us` µs from `from_us` to `until_us`. Returns how many of these calls may
 /// work.
 fn flood(budget: &mut Budget, from_us: u32, until_us: u32, every_us: usize) -> u32 {
     let works = |at_us| matches!(budget.call(at_us), Turn::Work | Turn::Begin { .. });
@@ -116,7 +116,7 @@ fn the_hold_gets_each_uplink_as_it_was_stored_for_a_second() {
     shared.keep::<BaseStation>(&base_station, Some(STORED_US));
     assert_eq!(parts(&mut shared, 2_000_100), (Some(base_station), None));
     shared.keep::<FlightController>(&flight_controller, Some(STORED_US + 10));
-    // The DPR's own store of an uplink is emptied after 500 ms. The copy for the hold must stay.
+    // After 500 ms the port task hands on an empty uplink. The copy for the hold must stay.
     shared.keep::<BaseStation>(&Uplink::EMPTY, Some(STORED_US));
     let last_us = 2_000_000 + 1_000 * COMMAND_AGE_MS;
     assert_eq!(parts(&mut shared, last_us), (Some(base_station), Some(flight_controller)));

@@ -114,7 +114,7 @@ impl Answers {
 impl Sends for Answers {
     fn load(&mut self, offset: usize, len: usize) -> Option<&[u8]> {
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(self.memory.as_mut_slice());
-        // The load command overwrites the byte before the data. That byte was loaded before, or is the first of the
+        // The load command replaces the byte before the data: a byte that was already loaded, or the first byte of the
         // memory.
         let place = bytes.get_mut(LEAD + offset..LEAD + offset + 1 + len)?;
         place[0] = command::FIFO_LOAD;

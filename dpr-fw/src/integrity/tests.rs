@@ -152,7 +152,7 @@ proptest! {
         let mut check = ImageCheck::<N> { next: object_of(byte) };
         board.words_to_exchange.set(words);
         prop_assert_eq!(check.step(&board), None);
-        // The image is exchanged no longer, so this step verifies the same object again.
+        // The image is not exchanged any more, so this step finishes the check of the object and finds the damage.
         prop_assert_eq!(check.step(&board), Some(8));
     }
 

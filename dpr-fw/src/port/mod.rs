@@ -44,7 +44,7 @@ use crate::{
 use areas::Transaction;
 use newer::Timestamps;
 
-/// The values that a word has when the line is idle or not driven.
+/// The values that a received word has while the line MOSI is idle or not driven.
 pub const IDLE: [u32; 2] = [0, u32::MAX];
 
 /// Whether `bytes` are all 0x00 or all 0xFF, as an idle line brings them.

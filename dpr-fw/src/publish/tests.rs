@@ -130,7 +130,7 @@ impl World {
             Happening::Select => {}
             Happening::Deselect => {
                 if let Some(Read::Image(_)) = self.selected.take() {
-                    // In hardware, END triggers ACQUIRE at this moment.
+                    // In hardware, the event END triggers ACQUIRE at this moment, so the processor gets the semaphore.
                     self.end = true;
                     self.semaphore = Semaphore::Cpu;
                     self.acquired = true;

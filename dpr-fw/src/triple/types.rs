@@ -139,7 +139,7 @@ impl<B, I> Received<B, I> {
         &self.buffer
     }
 
-    /// Returns what [`Filling::received`] was told about the frame.
+    /// Returns what the writer of the frame passed to [`Filling::received`] about it.
     pub fn about(&self) -> &I {
         &self.about
     }

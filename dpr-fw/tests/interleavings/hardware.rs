@@ -12,7 +12,7 @@ use profile::ssi::{encode, Request};
 pub(crate) const RECEIVE: usize = dpr_fw::triple::RECEIVE_BUFFERS;
 pub(crate) const BUFFERS: usize = RECEIVE + dpr_fw::triple::IMAGES;
 
-/// The owner of the SPIS's buffers (6.26, SEMSTAT).
+/// The owner of the SPIS's buffers (PS v1.7, 6.26, SEMSTAT).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Semaphore {
     Free,
@@ -119,7 +119,7 @@ pub(crate) struct Hardware {
     pub(crate) compare: bool,
     /// Whether the expiry timer was just cleared, and its compare event is still to be cleared.
     pub(crate) just_cleared: bool,
-    /// Whether the first compare came while the SSI task ran, in a run that has not ended.
+    /// Whether the expiry timer's first compare came during a run of the SSI task that has not ended.
     pub(crate) expired_in_task: bool,
     pub(crate) published: u8,
     pub(crate) announced: u8,
@@ -182,8 +182,8 @@ impl Hardware {
     /// Calls `with` for each event that is enabled while a task of priority `level` runs. An event that only calls a
     /// task is enabled when that task would run at once, since earlier it would have no effect.
     pub(crate) fn steps(&self, level: u8, receiver_runs: bool, bounds: &Bounds, mut with: impl FnMut(Step)) {
-        // A transaction that begins while the processor has the semaphore reads DEF throughout and changes no state
-        // (6.26.1). So the search leaves it out.
+        // A transaction that begins while the processor has the semaphore reads DEF throughout and changes no state (PS
+        // v1.7, 6.26.1). So the search leaves it out.
         if self.transaction.is_none() && self.semaphore == Semaphore::Free && self.left.transactions > 0 {
             with(Step::Select);
         }
@@ -197,10 +197,10 @@ impl Hardware {
             with(Step::Shortcut);
         }
         match self.expired {
-            // The first compare comes 25 ms after the timer was cleared, so never right after it.
+            // The expiry timer's first compare comes 25 ms after the timer was cleared, so never right after it.
             Some(0) if self.left.expiries > 0 && !self.just_cleared => with(Step::Expire),
-            // The second compare comes 20 µs after the first. An SSI task that ran at the first compare has ended by
-            // then.
+            // The expiry timer's second compare comes 20 µs after its first. An SSI task that ran at the first compare
+            // has ended by then.
             Some(1) if !self.expired_in_task => with(Step::ExpireAgain),
             _ => {}
         }

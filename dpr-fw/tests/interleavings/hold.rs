@@ -10,10 +10,11 @@ use std::{cell::RefCell, rc::Rc};
 
 use super::explorer::{digest, holds, Counterexample, Explored, Explorer};
 
-/// The exploration ends at counter value LAST. ANSWER is the time from the IRQ's edge to the answer.
+/// The exploration ends when the timer's counter has the value LAST. ANSWER is the time from the edge of the front
+/// end's IRQ to the answer, in counts.
 const LAST: u8 = 6;
 const ANSWER: u8 = 3;
-/// The shortest time from now to a new compare value.
+/// The shortest time from the present to a new compare value, in counts.
 const SHORTEST: u8 = 1;
 
 /// A rule of the second port's code that a test breaks on purpose, so that the exploration must find a fault.
@@ -233,7 +234,7 @@ impl Board {
         holds(!hw.irq && *self.driver.borrow() == Driver::Listening, "an event is never served");
     }
 
-    /// Runs a task of the port ([`dpr_fw::hold::Responder::serve`]).
+    /// Runs a task of the second port ([`dpr_fw::hold::Responder::serve`]).
     fn task(&self) {
         self.access("clears the edge", |hw| hw.edge = false);
         if *self.resting.borrow() {
@@ -261,7 +262,8 @@ impl Board {
         hw.end_masked &= self.mutation == Mutation::EndStaysMasked;
     }
 
-    /// Does what executor and state machine would do, with at most one operation of the port for each event.
+    /// Does what the driver's executor and state machine would do, with at most one operation of the port for each
+    /// event.
     fn drive(&self) {
         let driver = *self.driver.borrow();
         match driver {

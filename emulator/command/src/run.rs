@@ -16,7 +16,7 @@ use crate::session::Session;
 use crate::trace::PartTrace;
 use crate::verdict::{linked_elsewhere, said_nothing, summary, verdict};
 
-/// The interval, virtual ns, at which a run with a trace takes the core's record of tasks.
+/// The interval, virtual ns, at which a run with a trace reads which interrupt handlers the core has executed.
 const TRACE_STEP: u64 = 1_000_000;
 
 /// Runs the ELF file `elf` on a microcontroller. `board` is what the user calls it. The firmware's output and the

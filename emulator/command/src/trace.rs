@@ -47,7 +47,7 @@ impl PartTrace {
         self.trace.set(at, *id, outside.or(*part));
     }
 
-    /// Takes the core's record of tasks after a piece of the run.
+    /// Reads which interrupt handlers the core has executed since the last call.
     ///
     /// # Errors
     ///

@@ -302,7 +302,8 @@ fn a_trace_has_the_pins_and_the_handlers_of_the_run() {
                 |line: &&str| line.len() == 1 + code.len() && line.ends_with(code) && !line.starts_with('$');
             text.lines().filter(is_change).map(|line| line.chars().next().unwrap()).collect::<String>()
         };
-        // The button's pin is pulled, then driven by the script, and released when the part restarts.
+        // A pull resistor first holds the button's pin high. Then the script drives the pin low, and a restart releases
+        // it.
         assert!(changes(&part.button.replace('.', "_")).contains("101"), "{}", changes(&part.button.replace('.', "_")));
         assert!(changes(&part.bell.replace('.', "_")).contains("010"), "{}", changes(&part.bell.replace('.', "_")));
         // The handler of SysTick ran every millisecond.

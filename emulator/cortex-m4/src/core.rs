@@ -114,8 +114,8 @@ pub struct Core<C: Cost> {
     /// The limit of `cycle` below which the core executes instructions without a break. [`Core::end_burst`] makes the
     /// run loop check for other events.
     pub(crate) limit: u64,
-    /// On the fast clock: the address up to which a burst executes without a check. The limit of time or the end of the
-    /// page is there.
+    /// On the fast clock: the address up to which a burst executes without a check. At that address the limit of time
+    /// or the end of the page is reached.
     pub(crate) stop: u32,
     /// On the fast clock: twice the cycle at which the present instruction began, minus its address. It is the same for
     /// all instructions between two branches.

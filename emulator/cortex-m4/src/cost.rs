@@ -46,7 +46,7 @@ pub trait Cost: Copy + Clone + Debug + Default + Send + Sync + 'static {
     /// The clock's name, as it is given on a command line.
     const NAME: &'static str;
 
-    /// The bound of the bus's wait states that count; `None` if none count.
+    /// The bound by which the bus's wait states are counted; `None` if this clock counts no wait states.
     const BOUND: Option<Bound>;
 
     /// P of the TRM's table: the cycles that refilling the pipeline adds to a taken branch.

@@ -277,7 +277,8 @@ impl<C: Cost> Core<C> {
                         break;
                     }
                     op = page.op(pc);
-                    // The previous instruction has fetched the word before an address that is no multiple of 4.
+                    // At an address that is no multiple of 4, the previous instruction has already fetched the word
+                    // with the first halfword.
                     if u32::from(op.size) & !(pc & 2) != 0 {
                         self.fetch_word(bus, pc.wrapping_add(u32::from(op.size)).wrapping_sub(2) & !3);
                     }
@@ -292,9 +293,9 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// A burst on the fast clock. Since an instruction costs as many cycles as it has halfwords, the address tells the
-    /// cycle ([`Core::catch_up`]), and a comparison of the address with `stop` tells whether the limit or the end of
-    /// the page is reached. Only a branch changes the relation. In an IT block `stop` is 0, so that the same comparison
+    /// A burst on the fast clock. An instruction costs as many cycles as it has halfwords, so its address tells its
+    /// cycle ([`Core::catch_up`]); only a branch changes the difference of the two. If the address has reached `stop`,
+    /// the limit of time or the end of the page is reached. In an IT block `stop` is 0, so that the same comparison
     /// also tells when an instruction of the block has ended.
     #[inline(never)]
     fn fast_burst<B: Bus>(&mut self, bus: &mut B, page: &Page) {

@@ -15,7 +15,7 @@ use crate::{Core, Cost};
 
 const MOST_CHANGES: usize = 4096;
 
-/// An event that decides which exception runs, and when: the raw material of a response-time analysis.
+/// An event that decides which exception runs, and when. A response-time analysis starts from such events.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scheduled {
     /// This exception became pending while it was enabled, or was enabled while it was pending.
@@ -36,7 +36,7 @@ pub enum Scheduled {
 #[derive(Clone, Debug)]
 struct Schedule {
     events: Vec<(u64, Scheduled)>,
-    /// The enabled exceptions that were pending when the core last looked.
+    /// The enabled exceptions that were pending when the core last checked for exceptions.
     pending: Set,
     mask: i16,
 }
@@ -105,9 +105,9 @@ impl<C: Cost> Core<C> {
         std::mem::take(&mut self.watch.record)
     }
 
-    /// Begins or ends the recording of the events that decide which exception runs. Events that were not taken are
-    /// dropped. The record has no limit, so it must be taken. On the fast clock, which counts no cycles within a burst,
-    /// changes of the mask have the cycle at which the burst began.
+    /// Begins or ends the recording of the events that decide which exception runs. Recorded events that were not taken
+    /// are dropped. Their number has no limit, so the caller must take them. On the fast clock, which counts no cycles
+    /// within a burst, changes of the mask have the cycle at which the burst began.
     pub fn watch_schedule(&mut self, on: bool) {
         let schedule = || Schedule { events: vec![], pending: [0; 4], mask: IDLE_PRIORITY };
         self.watch.schedule = on.then(|| Box::new(schedule()));

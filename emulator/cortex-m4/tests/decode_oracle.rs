@@ -1,7 +1,7 @@
 //! Compares which encodings are instructions with a recording of LLVM's disassembler.
 //!
-//! `cargo xtask oracle --record` makes the recording, and also compares the registers of each instruction. The
-//! encodings are all 16-bit ones, and 16 of 32 bits for each first halfword.
+//! `cargo xtask oracle --record` makes the recording, and also compares the registers of each instruction. Every 16-bit
+//! encoding is compared, and 16 encodings for each first halfword of a 32-bit instruction.
 
 use core_oracle::decode::{Verdict, encodings, verdict};
 

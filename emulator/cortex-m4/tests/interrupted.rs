@@ -162,7 +162,8 @@ fn multiples<C: Cost>(period: u64, before: u64) -> (u64, u64, u64) {
 #[test]
 fn at_best_no_interrupt_waits_for_a_load_or_store_multiple() {
     let (.., calm) = multiples::<Optimistic>(1_000_000, 0);
-    // The two longest delays are an entry with two instructions of the handler, and a barrier followed by a return.
+    // `entry` is the time from an interrupt to its handler's write, and `left` the time from that write to the end of
+    // the return.
     let (entry, left) = (12 + 1, 1 + 1 + 2 + 10);
     for period in 173..300 {
         let (latest, served, over) = multiples::<Optimistic>(period, 0);

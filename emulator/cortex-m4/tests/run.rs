@@ -186,7 +186,8 @@ fn code_that_keeps_writing_to_its_own_page_executes_as_rewritten() {
     for mut rig in in_ram(&[0xF240, 0x0000, 0x3101, 0x8011, 0x182D, 0xE7F9]) {
         rig.set(1, 0).set(2, RAM + 0x202).set(5, 0);
         assert_eq!(rig.core.run(&mut rig.board, 1 + 6 * 200), Exit::Until);
-        // In each turn below 256 the second halfword has the counter as its immediate.
+        // A halfword below 256 is movw's immediate. So each turn adds the number that the turn before has written
+        // there.
         assert_eq!((rig.r(1), rig.r(5)), (200, (0..200).sum()));
     }
 }

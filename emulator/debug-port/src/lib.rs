@@ -342,7 +342,8 @@ where
 
     /// Gives the debug registers their power-on values if the last reset was one that resets them.
     fn reset_debug(&mut self) {
-        /// The writes that reset DHCSR and FP_CTRL (both with their keys) and DEMCR (ARMv7-M C1.6.2, C1.11.3, C1.6.5).
+        /// The writes that reset DHCSR and FP_CTRL (both with their keys) and DEMCR (ARMv7-M ARM C1.6.2, C1.11.3,
+        /// C1.6.5).
         const RESET: [(u32, u32); 3] = [(0xE000_EDF0, 0xA05F_0000), (0xE000_2000, 2), (0xE000_EDFC, 0)];
         if self.node.resets().last().is_some_and(|reset| B::Part::resets_debug(reset.cause)) {
             for (address, value) in RESET {

@@ -32,7 +32,8 @@ pub trait Debugged: Part {
         true
     }
 
-    /// Whether a reset for this cause also resets the debug registers. ARMv7-M C1.6.5 promises it for power-on only.
+    /// Whether a reset for this cause also resets the debug registers. ARMv7-M ARM C1.6.5 promises it for power-on
+    /// only.
     fn resets_debug(cause: Reset) -> bool {
         matches!(cause, Reset::PowerOn | Reset::BrownOut)
     }
@@ -99,7 +100,7 @@ impl Debugged for Stm32f429 {
     const KEPT: &'static [(u32, usize)] = &[(0x0800_0000, 2 << 20), (0x1FFF_C000, 16)];
 }
 
-/// A board whose debug port works without what the board is usually connected to.
+/// A board that can run alone at its debug port, without the boards and chips that it is usually connected to.
 pub trait Alone: Board {
     /// Discards the signals that the board sends.
     fn forget_outgoing(&mut self) {}

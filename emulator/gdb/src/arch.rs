@@ -3,9 +3,10 @@
 //! `gdbstub_arch` has no M-profile core. The target description therefore uses three features that gdb recognises by
 //! name ("Debugging with GDB", appendix G.5.3, ARM Features):
 //!
-//! - `org.gnu.gdb.arm.m-profile`: r0 to pc, and xPSR.
-//! - `org.gnu.gdb.arm.m-system`: MSP, PSP, and, as in OpenOCD's `src/target/armv7m.c`, the masks and CONTROL.
-//! - `org.gnu.gdb.arm.vfp`: d0 to d15 and FPSCR; gdb derives s0 to s31 from d0 to d15.
+//! - The feature `org.gnu.gdb.arm.m-profile` has r0 to pc, and xPSR.
+//! - The feature `org.gnu.gdb.arm.m-system` has MSP, PSP, and, as in OpenOCD's `src/target/armv7m.c`, the masks and
+//!   CONTROL.
+//! - The feature `org.gnu.gdb.arm.vfp` has d0 to d15 and FPSCR; gdb derives s0 to s31 from d0 to d15.
 
 use std::num::NonZeroUsize;
 

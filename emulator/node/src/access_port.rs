@@ -14,7 +14,7 @@ impl<B: Board, C: Cost> Node<B, C> {
     #[must_use]
     pub fn programmed(part: B::Part, board: B) -> Self {
         let mut node = Self::begin(part, board, &Firmware::raw("what is in flash", Vec::new()));
-        // Without a firmware that is known, the node does not report faults of the core.
+        // A node without a known firmware does not report faults of the core, because its program cannot name them.
         node.core.tell_faults(false);
         node
     }

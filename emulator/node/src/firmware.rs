@@ -288,7 +288,7 @@ impl Firmware {
                 let raw = function.raw_name().ok()?;
                 Some(format!("{:#}", rustc_demangle::demangle(&raw)))
             });
-            // There is an outer frame, which shows that the frame found before is inlined.
+            // An outer frame exists, so the function of the frame found before is inlined into it.
             if let (Some(found), true) = (&mut found, outermost.is_some()) {
                 found.inlined = found.inlined.take().or_else(|| found.function.take());
             }

@@ -1,8 +1,8 @@
 //! A debugger that halts a node's core, with breakpoints, watchpoints and steps.
 //!
 //! No time passes for a halted node: [`Node::advance`] returns at once. Whoever advances the node must also stop
-//! everything else in the run. The firmware then cannot detect that it was halted. Its watchdogs and the other board
-//! are not affected, as they would be on silicon. A debugger that only halts, reads and resumes does not change the
+//! everything else in the run. On silicon the firmware's watchdogs and other boards would go on; here they stand still,
+//! so the firmware cannot detect that it was halted. A debugger that only halts, reads and resumes does not change the
 //! run.
 //!
 //! | what | rule |

@@ -146,7 +146,7 @@ impl<P> Leads<P> {
         let mut at = at.max(self.free_at.get(&pin).copied().unwrap_or(0));
         for &byte in bytes {
             let frame = UartFrame::eight_n_one(byte, baud.max(1));
-            // A frame is an input at its end, and carries the instant at which it begins.
+            // A UART frame reaches the part as an input at the frame's end, and states the instant at which it began.
             self.plan(at + frame.ns(), Input::Frame(pin, at, frame));
             at += frame.ns();
         }

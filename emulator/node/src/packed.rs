@@ -1,4 +1,4 @@
-//! Firmware images without their ELF files, for a place to which megabytes of debug information are not brought.
+//! Firmware images without their ELF files, for programs that cannot carry megabytes of debug information.
 
 use serde::{Deserialize, Serialize};
 

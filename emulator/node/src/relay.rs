@@ -149,7 +149,7 @@ where
                             }
                         }
                     });
-                    // The return drops the receiver of the channel, which ends the other thread.
+                    // When this function returns, it drops the receiver of the channel, which ends the other thread.
                     follow(b, downstream, end, step, move || told.recv().ok(), each)
                 })
             }

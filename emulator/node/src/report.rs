@@ -79,7 +79,8 @@ impl<B: Board, C: Cost> Node<B, C> {
 
     pub(super) fn trapped(&mut self) {
         let pc = u64::from(self.core.pc());
-        // A handler that consists of a branch to itself would stop the node here in every turn.
+        // A handler that is a branch to itself would meet the node's breakpoint in every turn, so the breakpoint is
+        // removed.
         if memory::value(&self.side.part, pc, 2) == Some(BRANCH_TO_ITSELF) {
             self.core.clear_breakpoint(self.core.pc());
         }

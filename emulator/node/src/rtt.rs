@@ -62,7 +62,8 @@ pub(crate) fn count<P: Part>(part: &P, block: u64) -> Result<u64, RttFault> {
     }
     match memory::value(part, block + UP_COUNT, 4).unwrap_or(0) {
         count @ 1..=MOST_CHANNELS => Ok(count),
-        // Start-up code may be copying the block from flash into RAM, with the name before the number.
+        // No channels yet: start-up code may be copying the control block from flash into RAM, its name before the
+        // number of channels.
         0 => Err(RttFault::NotYet),
         count => Err(RttFault::Corrupt(format!("the RTT control block counts {count} up channels"))),
     }
@@ -125,8 +126,8 @@ pub(crate) fn drain<P: Part>(part: &mut P, block: u64, channel: u64) -> Result<D
         let offset = u32::try_from(write).unwrap_or(0);
         memory::write(part, entry + 16, &offset.to_le_bytes());
     }
-    // A full buffer would look empty, so one byte always stays free. In mode 0 a message that does not fit is dropped,
-    // so the last byte is rarely reached. A nearly full buffer therefore counts as full.
+    // A full buffer would look empty, so one byte always stays free. In RTT's mode 0 a message that does not fit is
+    // dropped, so that the last byte is rarely reached. A nearly full buffer therefore counts as full.
     let free = size - 1 - u64::try_from(bytes.len()).unwrap_or(0);
     let overran = match word(part, entry + 20) & 3 {
         0 => free < (size / 4).min(SHORT_MESSAGE),

@@ -313,7 +313,8 @@ impl<P: Part, C: Cost> Running<P, C> {
         let halted = self.node.halted().filter(|_| !restarted);
         if let Some(why) = halted {
             self.hand_over(event);
-            // These findings tell the user of the debugger why the firmware has ended.
+            // The findings of the firmware's end are reported now, so that the debugger's user learns why the firmware
+            // has ended.
             if why == Halt::Ended {
                 self.take_findings(event);
             }

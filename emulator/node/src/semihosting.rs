@@ -13,7 +13,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         self
     }
 
-    /// Serves a semihosting call, section 3 (operations) of the specification.
+    /// Serves a semihosting call, as section 3 (operations) of Arm's semihosting specification defines it.
     pub(super) fn host_call(&mut self) {
         if !self.semihosting {
             self.core.finish_host_call(None);

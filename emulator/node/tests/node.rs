@@ -85,7 +85,8 @@ fn a_sleep_during_a_clock_change_counts_as_no_time_awake() {
     node.advance(900_000);
     let awake = node.usage().awake;
     assert!((1..1_000).contains(&awake), "{awake}");
-    // The reset returns the core to the internal oscillator, after fewer awake cycles than it has slept.
+    // Until the reset the core has been awake for fewer cycles than it has slept. The reset returns it to the internal
+    // oscillator.
     node.hang();
     node.restart(FromOutside::Pin);
     node.advance(1_800_000);

@@ -179,7 +179,7 @@ impl Upstream<Player> for Tardy {
     }
 
     fn notes(&mut self, node: &mut Node<Player>) {
-        // Only now, after the instant itself, does the actor state it.
+        // The actor states its instant only here, after that instant has passed.
         if self.acts_at == u64::MAX && node.now() >= 5 * MS {
             self.acts_at = node.now() - self.late_by;
         }

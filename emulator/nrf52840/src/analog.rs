@@ -52,7 +52,7 @@ pub(crate) struct Saadc {
     oversample: u32,
     samplerate: u32,
     result: [u32; 3],
-    /// The address for the next result, and the number of results that still fit. It is set while a buffer is started.
+    /// The address for the next result, and the number of results that still fit; `None` while no buffer is started.
     buffer: Option<(u32, u32)>,
     /// The number of samples taken for an oversampled result, and the sum of these samples.
     taken: (u32, i64),

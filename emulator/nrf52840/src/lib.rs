@@ -363,7 +363,7 @@ impl Part for Nrf52840 {
         if ram < RAM_BYTES {
             return self.soc.memory.ram.read(ram, access.width).ok_or(BusError);
         }
-        // A copy keeps the compiler from storing the access in memory for each access to RAM.
+        // Passing a copy keeps the compiler from storing the access in memory each time RAM is accessed.
         self.soc.read(&{ *access }, outside)
     }
 

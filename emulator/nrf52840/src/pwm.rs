@@ -288,7 +288,7 @@ impl Instance for Pwm {
             0x514 => self.loops = value & 0xFFFF,
             0x520..0x530 | 0x540..0x550 => {
                 let field = offset as usize / 4 % 4;
-                // The widths: PTR 32 bits, CNT 15, REFRESH and ENDDELAY 24.
+                // The registers' widths are PTR 32 bits, CNT 15, REFRESH and ENDDELAY 24.
                 let mask = [u32::MAX, 0x7FFF, 0x00FF_FFFF, 0x00FF_FFFF][field];
                 self.sequences[usize::from(offset >= 0x540)][field] = value & mask;
             }

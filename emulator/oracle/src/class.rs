@@ -159,7 +159,7 @@ impl Class {
 
 /// Appends one to eight random instructions from `table`.
 fn from(table: &[Template], case: &mut Case, random: &mut Random) {
-    // There are few registers, so that instructions often use each other's results.
+    // The instructions use only a few registers, so that they often use each other's results.
     let mut registers: Vec<u32> = (0..13).chain([14]).collect();
     random.shuffle(&mut registers);
     registers.truncate(7);

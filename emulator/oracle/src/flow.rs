@@ -221,7 +221,7 @@ pub(crate) fn interrupt(case: &mut Case, random: &mut Random) {
     let levels = [0x00, 0x20, 0x40, 0x60, 0x61, 0x80, 0xA0, 0xE0];
     let priorities = |random: &mut Random| u32::from_le_bytes([0; 4].map(|_| random.pick(&levels)));
     case.window.fill(0);
-    // The words of exceptions 14 to 23 are at the exceptions' numbers modulo 16.
+    // Each exception from 14 to 23 has the word whose index is the exception's number modulo 16.
     for number in [0, 1, 2, 3, 4, 5, 6, 7, 14, 15] {
         if random.once_in(2) {
             let pend = random.bits() & random.bits() & random.bits() & 0x1400_00FF;
@@ -244,7 +244,7 @@ pub(crate) fn interrupt(case: &mut Case, random: &mut Random) {
     case.r[11] = 0;
     let mut code = Code::at(0);
     code.narrow(0xB672); // CPSID i
-    // The five stores go to ISER, IPR0, IPR1, SHPR3 and AIRCR.
+    // The five stores write ISER, IPR0, IPR1, SHPR3 and AIRCR.
     code.store(9, 0, 0).store(1, 0, 0x300).store(2, 0, 0x304).store(3, 0, 0xC20).store(4, 0, 0xC0C);
     code.wide(0xF385_8811).store(6, 0, 0x100).store(7, 0, 0xC04); // MSR BASEPRI, r5; ISPR, ICSR
     code.wide(0xF3BF_8F4F).narrow(0xB662).wide(0xF3BF_8F6F); // DSB; CPSIE i; ISB

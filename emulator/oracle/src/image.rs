@@ -125,7 +125,7 @@ fn write_start(code: &mut Code, cases: u32) -> u32 {
         code.constant(1, value).store(1, 0, offset);
     }
     let to_prologue = code.here();
-    // This branch gets its target later, from `link`.
+    // `link` later gives this branch its target.
     code.branch(to_prologue);
     start
 }
@@ -249,7 +249,7 @@ fn write_finish(code: &mut Code) -> u32 {
 }
 
 fn link(code: &mut Code, epilogue: u32, prologue: u32, finish: u32) {
-    // A placeholder is a branch to itself or to the epilogue.
+    // The image has three placeholders, each of which is a branch to itself or to the epilogue.
     let placeholders: Vec<usize> = (0..code.halves.len() - 1)
         .filter(|&i| {
             let here = code.base + 2 * i as u32;
@@ -259,7 +259,8 @@ fn link(code: &mut Code, epilogue: u32, prologue: u32, finish: u32) {
         })
         .collect();
     assert_eq!(placeholders.len(), 3);
-    // The placeholders were written in this order: next case, end, first case.
+    // The image builder wrote the placeholders in this order: branch to the next case, branch to the end, branch to the
+    // first case.
     for (at, target) in placeholders.into_iter().zip([prologue, finish, prologue]) {
         let mut branch = Code::at(code.base + 2 * at as u32);
         branch.branch(target);

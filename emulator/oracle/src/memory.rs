@@ -63,8 +63,8 @@ fn single(case: &mut Case, bit_band: bool, base: u32, registers: &mut Registers,
     let bytes = 1 << size;
     let address = if bit_band {
         let alias = 0x2200_0000 + (WINDOW - 0x2000_0000) * 32;
-        // The access is aligned. An access to the alias across the words of two bits is not made: silicon splits it in
-        // two, and QEMU makes one for each word.
+        // The alias's address is aligned, so no access covers words of two bits: silicon would split it in two, and
+        // QEMU would make one access for each word.
         (alias + random.below(WINDOW_WORDS as u32 * 32) * 4 + random.below(4)) & !(bytes - 1)
     } else {
         target(4, bytes, random)
@@ -251,7 +251,7 @@ fn exclusive(case: &mut Case, base: u32, registers: &Registers, random: &mut Ran
         Instruction::Wide(0xF3BF_8F2F).append(&mut code);
     }
     Instruction::Wide(store).append(&mut code);
-    // A second store of the pair fails.
+    // If the store is repeated, the repeated one fails, because the first one has cleared the monitor.
     if random.once_in(3) {
         Instruction::Wide(store).append(&mut code);
     }

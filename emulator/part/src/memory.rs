@@ -236,8 +236,8 @@ impl Ram {
         written
     }
 
-    // The bytes are written as arrays, since `copy_from_slice` checks in builds with checks that source and destination
-    // do not overlap.
+    // The bytes are written as arrays. In debug builds `copy_from_slice` would check that source and destination do not
+    // overlap.
     #[inline(always)]
     fn put(&mut self, at: usize, width: Width, value: u32) -> bool {
         let bytes = &mut self.bytes;

@@ -97,7 +97,8 @@ impl Clocks {
         ((u128::from(cycles) * 1_000_000_000_000 * 1_000_000_000 + rate / 2) / rate.max(1)) as u64
     }
 
-    /// The core cycles of `ps` picoseconds, rounded up. It is as slow as [`Clocks::ps`].
+    /// The core cycles of `ps` picoseconds, rounded up. The division has 128 bits, as in [`Clocks::ps`], so this is
+    /// slow too.
     pub(crate) fn cycles_of_ps(&self, ps: u64) -> u64 {
         let scale = 1_000_000_000_i64 + self.ppb;
         let rate = u128::from(self.hclk_hz) * scale.unsigned_abs() as u128;

@@ -45,7 +45,7 @@ impl Dac {
         })
     }
 
-    /// Copies the data of each channel without a trigger to the channel's output (14.3.4).
+    /// Copies the data of each channel without a trigger to the channel's output (RM0090 14.3.4).
     fn follow(&mut self) {
         for channel in 0..2 {
             if self.control(channel) & TEN == 0 {

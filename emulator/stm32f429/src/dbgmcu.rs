@@ -11,10 +11,10 @@
 /// The first address of DBGMCU, on the external private peripheral bus.
 pub(crate) const BASE: u32 = 0xE004_2000;
 
-/// The identity: device 0x419 (STM32F42x and F43x), revision 3 (38.6.1).
+/// The identity: device 0x419 (STM32F42x and F43x), revision 3 (RM0090 38.6.1).
 const IDCODE: u32 = 0x2001_6419;
 
-/// The writable registers. Only a power-on reset clears them (38.16.3).
+/// The writable registers. Only a power-on reset clears them (RM0090 38.16.3).
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Dbgmcu {
     control: u32,

@@ -13,8 +13,8 @@
 //! A transfer takes no time: data moves at the cycle of its request, and `EN` reads 0 right after it is cleared.
 //!
 //! **Left out.** `DMEIF` never comes, since a direct transfer never waits. `PFCTRL` (SDIO only) makes a finding and is
-//! ignored. Bursts move like single transfers. A burst that crosses 1 KiB or does not fit the FIFO threshold makes a
-//! finding; the second is also a FIFO error (10.3.12).
+//! ignored. Bursts move like single transfers. A burst that crosses 1 KiB makes a finding. A burst that does not fit
+//! the FIFO threshold makes a finding and a FIFO error (RM0090 10.3.12).
 
 use cortex_m4::Width;
 use emulator_part::FindingKind;
@@ -82,8 +82,8 @@ const fn adc(n: u8) -> Source {
     (id::ADC, 1 << (n - 1))
 }
 
-/// The request mapping of tables 42 and 43, by controller, channel and stream. Peripherals without a model have no
-/// requests.
+/// The request mapping of RM0090 tables 42 and 43, by controller, channel and stream. Peripherals without a model have
+/// no requests.
 #[rustfmt::skip]
 static MAP: [[[Source; 8]; 8]; 2] = [
     [
@@ -180,7 +180,7 @@ impl Stream {
         width(self.cr >> 11 & 3)
     }
 
-    /// Returns the width on the memory side. In direct mode it is PSIZE, 10.3.11.
+    /// Returns the width on the memory side. In direct mode it is PSIZE, RM0090 10.3.11.
     pub(crate) fn memory_width(&self) -> Width {
         if self.is_direct() { self.peripheral_width() } else { width(self.cr >> 13 & 3) }
     }
@@ -449,7 +449,7 @@ impl Dma {
                     0 => return self.control(nth, merge(self.streams[nth].cr, offset, width, value), find),
                     1 => protected(&mut stream.ndtr, 0xFFFF),
                     2 => protected(&mut stream.par, u32::MAX),
-                    // In double-buffer mode, software may change the address of the unused buffer (10.3.9).
+                    // In double-buffer mode, software may change the address of the unused buffer (RM0090 10.3.9).
                     3 if on && stream.cr & (DBM | CT) == DBM | CT => stream.m0ar = value,
                     4 if on && stream.cr & (DBM | CT) == DBM => stream.m1ar = value,
                     3 => protected(&mut stream.m0ar, u32::MAX),
@@ -480,8 +480,9 @@ impl Dma {
         if new & EN == 0 {
             return Turn::Nothing;
         }
-        // 10.3.17 requires all event flags to be clear "before the stream can be re-enabled". Common drivers leave the
-        // half transfer and FIFO flags set, and their streams start. Any other flag keeps a stream from starting.
+        // RM0090 10.3.17 requires all event flags to be clear "before the stream can be re-enabled". Common drivers
+        // leave the half transfer and FIFO flags set, and their streams start. Any other flag keeps a stream from
+        // starting.
         if stream.flags & !(HTIF | FEIF) != 0 {
             find(FindingKind::Misuse, "a stream is switched on with flags set: it stays off");
             return Turn::Nothing;
@@ -510,7 +511,7 @@ impl Dma {
         }
         let step = stream.memory_width().bytes();
         let burst = [1, 4, 8, 16][(stream.cr >> 23 & 3) as usize] * step;
-        // The FIFO threshold has to be a whole number of bursts (table 48).
+        // The FIFO threshold has to be a whole number of bursts (RM0090 table 48).
         if !stream.is_direct() && (burst > 16 || !u32::from(stream.threshold()).is_multiple_of(burst)) {
             find(FindingKind::Misuse, "the memory burst does not fit the FIFO threshold: the stream stays off");
             stream.flags |= FEIF;

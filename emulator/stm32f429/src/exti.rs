@@ -47,7 +47,7 @@ impl Exti {
         self.hit(hits);
     }
 
-    /// Handles an event on `lines`. The pending register shows masked lines too (figure 41).
+    /// Handles an event on `lines`. The pending register shows masked lines too (RM0090 figure 41).
     fn hit(&mut self, lines: u32) {
         self.pr |= lines;
         self.events |= lines & self.emr;

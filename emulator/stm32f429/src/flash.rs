@@ -195,7 +195,7 @@ impl FlashControl {
         pc: Option<u32>,
         out: &mut Effects,
     ) -> bool {
-        // Table 11: the highest HCLK without a wait state, which is also the increase for each wait state.
+        // RM0090 table 11: the highest HCLK without a wait state, which is also the increase for each wait state.
         let mhz = match microvolts {
             2_700_000.. => 30,
             2_400_000.. => 24,

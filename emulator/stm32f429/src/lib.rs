@@ -103,36 +103,37 @@ pub const fn pin(port: char, number: u8) -> Pin {
     Pin::new(port as u8 - b'A', number)
 }
 
-/// The number of TIM2's interrupt, table 63.
+/// The number of TIM2's interrupt, RM0090 table 63.
 pub const TIM2_INTERRUPT: u16 = 28;
-/// The number of the interrupt of EXTI line 3, table 63.
+/// The number of the interrupt of EXTI line 3, RM0090 table 63.
 pub const EXTI3_INTERRUPT: u16 = 9;
-/// The number of interrupt lines, table 63.
+/// The number of interrupt lines, RM0090 table 63.
 pub const INTERRUPTS: u16 = 91;
 
-/// The address of the unique device ID, 39.1.
+/// The address of the unique device ID, RM0090 39.1.
 pub const UNIQUE_ID: u32 = 0x1FFF_7A10;
-/// The address of the flash size, a halfword in KiB, 39.2.
+/// The address of the flash size, a halfword in KiB, RM0090 39.2.
 pub const FLASH_SIZE: u32 = 0x1FFF_7A22;
 
-/// The first address of SRAM1, SRAM2 and SRAM3, which are contiguous, 2.3.1.
+/// The first address of SRAM1, SRAM2 and SRAM3, which are contiguous, RM0090 2.3.1.
 const SRAM_BASE: u32 = 0x2000_0000;
 const SRAM_SIZE: u32 = 192 << 10;
 const SRAM1_SIZE: u32 = 112 << 10;
-/// The first address of the core-coupled memory, which no DMA controller reaches, 2.3.1.
+/// The first address of the core-coupled memory, which no DMA controller reaches, RM0090 2.3.1.
 const CCM_BASE: u32 = 0x1000_0000;
 const CCM_SIZE: u32 = 64 << 10;
 const CCM_GATE: rcc::Gate = rcc::Gate { bus: 0, bit: 20 };
-/// The first address of backup SRAM, 5.1.2.
+/// The first address of backup SRAM, RM0090 5.1.2.
 const BACKUP_BASE: u32 = 0x4002_4000;
 const BACKUP_SIZE: u32 = 4 << 10;
-/// The first address of system memory, OTP and factory values. The option bytes are in the second half (table 6).
+/// The first address of system memory, OTP and factory values. The option bytes are in the second half (RM0090 table
+/// 6).
 const FACTORY_BASE: u32 = 0x1FFF_0000;
 const FACTORY_SIZE: u32 = 0x1_0000;
-/// The option bytes of bank 1 (3.9): read protection and user options. The write protection is 8 bytes further.
+/// The option bytes of bank 1 (RM0090 3.9): read protection and user options. The write protection is 8 bytes further.
 const OPTION_BYTES: u32 = 0x1FFF_C000;
 
-/// The word that an APB peripheral gets for a narrow write: the value in all lanes (2.1.6).
+/// The word that an APB peripheral gets for a narrow write: the value in all lanes (RM0090 2.1.6).
 pub(crate) fn lanes(width: Width, value: u32) -> u32 {
     match width {
         Width::Byte => (value & 0xFF) * 0x0101_0101,
@@ -305,7 +306,7 @@ macro_rules! cx {
     };
 }
 
-// These modules use the macros defined above.
+// The modules below use the macros defined above.
 mod bus;
 mod frames;
 mod part;
@@ -322,14 +323,14 @@ impl Stm32f429 {
             bytes[at..at + values.len()].copy_from_slice(values);
         };
         let bytes = factory.bytes_mut();
-        // The default unique ID has coordinates, wafer, and lot in ASCII (39.1).
+        // The default unique ID has coordinates, wafer, and lot in ASCII (RM0090 39.1).
         put(bytes, UNIQUE_ID, &[0x2A, 0x00, 0x31, 0x00, 0x0D, b'H', b'O', b'R', b'U', b'S', b'0', b'1']);
         put(bytes, FLASH_SIZE, &2048_u16.to_le_bytes());
         // The factory values are VREFINT, and the temperature sensor at 30 °C and at 110 °C, for 3.3 V (data sheet).
         for (nth, value) in adc::CALIBRATION.into_iter().enumerate() {
             put(bytes, 0x1FFF_7A2A + 2 * nth as u32, &value.to_le_bytes());
         }
-        // The part is delivered with these option bytes: 0x0FFF_AAED without the lock bits (3.9.10).
+        // The part is delivered with these option bytes: 0x0FFF_AAED without the lock bits (RM0090 3.9.10).
         put(bytes, OPTION_BYTES, &[0xEC, 0xAA]);
         put(bytes, OPTION_BYTES + 8, &[0xFF, 0x0F]);
         let mut part = Self {
@@ -385,7 +386,7 @@ impl Stm32f429 {
         part
     }
 
-    /// Changes the part's 96-bit unique device ID, 39.1.
+    /// Changes the part's 96-bit unique device ID, RM0090 39.1.
     pub fn set_unique_id(&mut self, id: [u8; 12]) {
         let at = (UNIQUE_ID - FACTORY_BASE) as usize;
         self.factory.bytes_mut()[at..at + id.len()].copy_from_slice(&id);
@@ -405,8 +406,8 @@ impl Stm32f429 {
     }
 
     /// Stops the oscillator on OSC_IN at `at`. With `CSSON` set, the hardware switches to HSI and raises the NMI.
-    /// Without it, everything that the oscillator clocked stands still, including the core (7.2.7). Does nothing if the
-    /// oscillator does not run.
+    /// Without it, everything that the oscillator clocked stands still, including the core (RM0090 7.2.7). Does nothing
+    /// if the oscillator does not run.
     pub fn fail_hse<O: Outside>(&mut self, at: Cycle, outside: &mut O) {
         self.advance(at, outside);
         self.rcc.fail_hse(at, self.pwr.supply(), &mut self.out);

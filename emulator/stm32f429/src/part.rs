@@ -16,10 +16,10 @@ impl Part for Stm32f429 {
     fn core(&self) -> Config {
         Config {
             lines: INTERRUPTS,
-            // PM0214 4.3 gives this number.
+            // PM0214 4.3 states four priority bits.
             priority_bits: 4,
             vector_table: 0,
-            // The calibration value 18750 is 1 ms at HCLK/8 of 150 MHz (12.1.2). SKEW says that it is not exact.
+            // The calibration value 18750 is 1 ms at HCLK/8 of 150 MHz (RM0090 12.1.2). SKEW says that it is not exact.
             systick_calibration: 0x4000_0000 | 18_750,
             systick_reference: 8,
             mpu_regions: 8,
@@ -31,7 +31,7 @@ impl Part for Stm32f429 {
         if let Some(value) = self.sram.read(access.address.wrapping_sub(SRAM_BASE), access.width) {
             return Ok(value);
         }
-        // The copy keeps the compiler from storing the access in memory for each access to RAM.
+        // Passing a copy keeps the compiler from storing the access in memory each time RAM is accessed.
         self.read_other(&{ *access }, outside)
     }
 
@@ -68,7 +68,7 @@ impl Part for Stm32f429 {
             }
             return self.flash.read(offset, Width::Half).map(|value| value as u16).ok_or(BusError);
         }
-        // The CCM is on the data bus only, so nothing can be executed from it (2.3.1).
+        // The CCM is on the data bus only, so nothing can be executed from it (RM0090 2.3.1).
         match self.locate(address) {
             Some((Memory::Sram, offset)) => self.sram.read(offset as u32, Width::Half),
             Some((Memory::Factory, offset)) => self.factory.read(offset as u32, Width::Half),
@@ -282,7 +282,7 @@ impl Part for Stm32f429 {
         let now = self.now;
         let usart = &mut self.usart[usize::from(n - 1)];
         let cx = cx!(self, number, now, None);
-        // In half-duplex mode (CR3.HDSEL) the TX pin also receives, and the RX pin is not used (30.3.10).
+        // In half-duplex mode (CR3.HDSEL) the TX pin also receives, and the RX pin is not used (RM0090 30.3.10).
         let half_duplex = usart.peek(0x14, cx) & 1 << 3 != 0;
         if half_duplex == (wire == UartPin::Tx) {
             usart.receive(begins, &frame, cx);

@@ -44,7 +44,7 @@ impl Stm32f429 {
         (group * 8 + position(&self.due[group * 8..group * 8 + 8])) as u8
     }
 
-    /// Drives the interrupt lines of an instance, table 63.
+    /// Drives the interrupt lines of an instance, RM0090 table 63.
     pub(crate) fn set_irq(&mut self, number: u8, irq: u32) {
         const SPI: [u8; 6] = [35, 36, 51, 84, 85, 86];
         const USART: [u8; 8] = [37, 38, 39, 52, 53, 71, 82, 83];

@@ -132,7 +132,7 @@ impl Stm32f429 {
         true
     }
 
-    /// Moves the rest of the FIFO to memory, by bytes if necessary (10.3.13).
+    /// Moves the rest of the FIFO to memory, by bytes if necessary (RM0090 10.3.13).
     pub(crate) fn flush(&mut self, nth: usize, number: usize, now: Cycle) {
         while u32::from(self.dma[nth].streams[number].filled) >= self.dma[nth].streams[number].memory_width().bytes() {
             if !self.drain_one(nth, number, now) {
@@ -197,8 +197,8 @@ impl Stm32f429 {
         }
     }
 
-    /// Whether a DMA controller's port reaches `address` (figure 2 and 2.1). DMA1's peripheral port reaches APB1 only,
-    /// and its memory port flash and SRAM. DMA2's ports reach these and all peripherals. No port reaches the CCM.
+    /// Whether a DMA controller's port reaches `address` (RM0090 figure 2 and 2.1). DMA1's peripheral port reaches APB1
+    /// only, and its memory port flash and SRAM. DMA2's ports reach these and all peripherals. No port reaches the CCM.
     pub(crate) fn reaches(master: Master, address: u32) -> bool {
         let memory = matches!(address, 0..0x0820_0000 | SRAM_BASE..0x2003_0000);
         let peripheral = matches!(address, 0x4000_0000..0x6000_0000);

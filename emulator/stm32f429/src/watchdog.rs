@@ -119,7 +119,8 @@ impl Iwdg {
             // The start of the count moves with the clock, so that the fraction of a tick is kept.
             let gone = u128::from(now.saturating_sub(self.since)) * u128::from(new.hclk_hz);
             let gone = (gone / u128::from(old.hclk_hz.max(1))) as u64;
-            // A start before cycle 0 is set to 0. The ticks before it are taken from the count.
+            // If the count would begin before cycle 0, it begins at cycle 0, less the ticks that would have come
+            // before.
             if gone <= now {
                 self.since = now - gone;
             } else {
@@ -149,7 +150,7 @@ impl Iwdg {
 
     pub(crate) fn read(&self, offset: u32, width: Width) -> u32 {
         let register = match offset >> 2 {
-            // During an update, PR and RLR read as last written. 21.4.2 leaves the value undefined.
+            // During an update, PR and RLR read as last written. RM0090 21.4.2 leaves the value undefined.
             1 => self.pr_next.map_or(self.pr, |(pr, _)| pr),
             2 => self.rlr_next.map_or(self.rlr, |(rlr, _)| rlr),
             3 => u32::from(self.pr_next.is_some()) | u32::from(self.rlr_next.is_some()) << 1,
@@ -304,7 +305,7 @@ impl Wwdg {
             }
             1 => {
                 let count = self.count(now, clocks);
-                // EWI is cleared by a reset only (22.6.2).
+                // EWI is cleared by a reset only (RM0090 22.6.2).
                 self.cfr = merge(self.cfr, offset, width, value) & 0x3FF | self.cfr & EWI;
                 self.written = count;
                 self.written_at = now;

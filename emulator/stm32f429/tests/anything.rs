@@ -52,7 +52,7 @@ fn run(seed: u64, accesses: u32) {
                     0 => random.next(),
                     1 => 1 << random.below(32),
                     2 => random.below(256),
-                    // These are addresses for a DMA stream.
+                    // Each of these values is an address for a DMA stream: RAM, or a register of a peripheral.
                     _ => [0x2000_0000, 0x4001_300C, 0x4000_4404, 0x4002_6410, 0x4002_3C04][random.below(5) as usize],
                 };
                 let _ = rig.try_write(address, width, value);
@@ -71,7 +71,7 @@ fn run(seed: u64, accesses: u32) {
                 rig.part.receive(rig.now, pin, frame, &mut rig.bench);
             }
             14 => {
-                // These settings of the clock tree do not slow the test down.
+                // The clock tree gets only settings with which the test does not become slow.
                 let value = [2, 5 << 10 | 4 << 13 | 2, 7 << 10 | 2, 0x80 | 2, 0][random.below(5) as usize];
                 rig.write(RCC + 8, value);
             }

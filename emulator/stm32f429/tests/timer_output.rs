@@ -43,7 +43,7 @@ fn ready(prescaler: u32, compare: u32) -> Rig {
     rig
 }
 
-/// Enables the counter. Returns the cycle at which CNT becomes 0: one timer clock after CEN (17.3.4).
+/// Enables the counter. Returns the cycle at which CNT becomes 0: one timer clock after CEN (RM0090 17.3.4).
 fn start(rig: &mut Rig) -> Cycle {
     rig.bench.pins.clear();
     rig.write(CR1, 1 << 7 | 1);

@@ -280,7 +280,7 @@ fn a_lasting_dma_request_occupies_its_own_controller_alone() {
     rig.write(stream + 12, 0x2000_0000);
     rig.write(stream, 3 << 25 | 1 << 6 | 1);
     rig.write(SPI1 + 4, 2);
-    // The request TIM5_UP is on stream 6, channel 6 of the other DMA controller.
+    // TIM5_UP is also the request of the other DMA controller's stream 6, channel 6.
     rig.set(RCC + 0x40, 1 << 3);
     let other = DMA1 + 0x10 + 6 * 0x18;
     rig.write(other + 4, 1);

@@ -19,14 +19,15 @@
 //!
 //! # Time to detect
 //!
-//! The patrol is assumed to verify [`Rate`] words in each slice, and the idle loop to do every slice. Then the change
-//! of a bit is found:
+//! The bounds below assume that the patrol verifies [`Rate`] words in each slice, and that the idle loop does every
+//! slice:
 //!
-//! - in flash: at the end of the first pass that begins after the change, so within two passes
-//!   ([`Rate::flash_detect_us`]);
-//! - in code in RAM: when its word has its turn, so in one pass at most ([`Rate::code_detect_us`]);
-//! - in guard words: in one slice;
-//! - in RAM in use, if the bit is stuck or does not change: in one pass at most ([`Rate::ram_pass_us`]).
+//! - A changed bit in flash is found at the end of the first pass that begins after the change, so within two passes
+//!   ([`Rate::flash_detect_us`]).
+//! - A changed bit of code in RAM is found when its word has its turn, so in one pass at most
+//!   ([`Rate::code_detect_us`]).
+//! - A changed guard word is found in one slice.
+//! - A bit of RAM in use that is stuck or does not change is found in one pass at most ([`Rate::ram_pass_us`]).
 
 use core::ops::Range;
 
@@ -119,7 +120,7 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// Returns a count without due slices. `now_us` is a µs counter that may wrap, here and in the other method.
+    /// Returns a count without due slices. In both methods `now_us` is the value of a µs counter that may wrap.
     #[must_use]
     pub const fn new(now_us: u32) -> Self {
         Self { last_us: now_us }

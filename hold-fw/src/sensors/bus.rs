@@ -1,7 +1,7 @@
 //! Recovers an I2C bus whose SDA a sensor holds low.
 //!
-//! A sensor does so when its transfer was cut off, until it has received the missing clocks. Nine clocks end any byte,
-//! and the stop condition after them makes every sensor wait for a start (UM10204, 3.1.16 "Bus clear").
+//! A sensor holds SDA low when its transfer was cut off, until it has received the missing clocks. Nine clocks end any
+//! byte, and the stop condition after them makes every sensor wait for a start (UM10204, 3.1.16 "Bus clear").
 
 /// The number of clocks after which any byte has ended.
 const CLOCKS: u32 = 9;

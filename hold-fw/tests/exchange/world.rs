@@ -35,7 +35,8 @@ pub(crate) struct Side {
     now: u64,
     pub(crate) chip: Chip,
     running: Option<Running>,
-    /// The bytes that came in during the last transfer. The driver gets those from index `skip` on.
+    /// The bytes that came in during the last transfer. The first `skip` of them are not part of the response that the
+    /// driver gets.
     response: Vec<u8>,
     skip: usize,
     timer: u64,

@@ -8,20 +8,21 @@ use std::{collections::VecDeque, vec, vec::Vec};
 
 const FREE: Bus = Bus { scl: true, sda: true, busy: false };
 
-/// A fault that is injected at one order of a cycle.
+/// A fault of the bus that a test injects when the I2C port gives a certain order of a cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Fault {
     /// The receiver holds the clock low, so no further event comes. Until then a read has brought this number of bytes.
     Held(usize),
     Refused,
     ArbitrationLost,
-    /// This number of events comes although no order has caused them.
+    /// This number of spurious events comes: events that no order has caused.
     Spurious(u8),
     BusError,
     StreamFails,
 }
 
-/// A model of the peripheral and a receiver, which carries orders out and calls with the events that follow.
+/// A model of the I2C peripheral and of a receiver. It carries out the port's orders, and reports to the port the
+/// events that follow.
 struct Rig {
     ddc: Ddc,
     waiting: VecDeque<u8>,
@@ -31,7 +32,8 @@ struct Rig {
     delivered: Vec<u8>,
     levels: Vec<(bool, bool)>,
     is_there: bool,
-    /// An AND mask for the number of waiting bytes. A pulse on SDA clears its other bits.
+    /// The bits that survive in the number of waiting bytes, as a mask. A pulse on SDA clears the other bits of that
+    /// number.
     count_mask: u16,
     bus: Bus,
 }

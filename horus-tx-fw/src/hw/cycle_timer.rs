@@ -9,12 +9,12 @@
 //! The timer itself makes the pin TICK fall with each tick: channel 3 in PWM mode 2 (RM0090, "TIMx_CCMR2") is active
 //! from its compare value to the update. So an observer sees the tick without any delay by the processor.
 //!
-//! From `FrontEndPort::arm` to the slot, only the slot's interrupt uses the SPI. [`ARMED`] holds the ticket that says
-//! for which slot.
+//! From `FrontEndPort::arm` to the slot, only the slot's interrupt uses the SPI. Meanwhile [`ARMED`] holds the ticket,
+//! which names the slot.
 //!
 //! # Errata (ES0206 rev 24) of the peripherals used here
 //!
-//! - 2.7.3: a second compare match right after CCR changed may be missed. Measure: CCR never changes.
+//! - ES0206 2.7.3: a second compare match right after CCR changed may be missed. Measure: CCR never changes.
 //!
 //! `unsafe` is used here for shared access to the timer's register block.
 #![allow(unsafe_code)]

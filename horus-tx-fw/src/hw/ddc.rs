@@ -13,12 +13,16 @@
 //!
 //! # Errata (ES0206 rev 24, section "I2C") of the peripheral
 //!
-//! - Spurious bus error in controller mode: BERR is cleared and ignored; a truly broken transaction ends at the tick.
-//! - Start cannot be generated after a misplaced Stop: only SWRST helps. A transaction whose START does not come has
-//!   not ended by the tick, and the tick then resets the peripheral.
-//! - Mismatch on the set-up time of a repeated Start: it concerns standard mode from 88 kHz on, and this is fast mode.
-//! - Data valid time violated without OVR: it concerns a target that transmits, and this peripheral is the controller.
-//! - Rise times of SDA and SCL when the bus's supply is above the part's: the pull-ups go to the part's 3.3 V.
+//! - Erratum "spurious bus error in controller mode": BERR is cleared and ignored; a truly broken transaction ends at
+//!   the tick.
+//! - Erratum "start cannot be generated after a misplaced stop": only SWRST helps. A transaction whose START does not
+//!   come has not ended by the tick, and the tick then resets the peripheral.
+//! - Erratum "mismatch on the set-up time of a repeated start": it concerns standard mode from 88 kHz on, and this is
+//!   fast mode.
+//! - Erratum "data valid time violated without OVR": it concerns a target that transmits, and this peripheral is the
+//!   controller.
+//! - Erratum about rise times of SDA and SCL when the bus's supply is above the part's: it does not apply, because the
+//!   pull-ups go to the part's 3.3 V.
 //!
 //! `unsafe` is used here for shared access to the peripheral's register block, for values without an enumeration, and
 //! to start the DMA stream.
@@ -92,7 +96,7 @@ impl DdcSource {
         i2c.cr1().write(|w| w);
         // SAFETY: the bus's frequency is 36 MHz, and 2 to 50 may be written (RM0090 "I2C", control register 2).
         i2c.cr2().write(|w| unsafe { w.freq().bits(mhz as u8) });
-        // SCL is low for twice the time in CCR (DUTY 0), and high for that time once.
+        // With DUTY 0, SCL is low for twice the time in CCR, and high for the time in CCR.
         let ccr = (timing::GNSS_I2C_LOW_NS / 2 * mhz).div_ceil(1_000);
         // SAFETY: the value is 36, and 1 to 4095 may be written in fast mode with DUTY 0.
         i2c.ccr().write(|w| unsafe { w.f_s().set_bit().ccr().bits(ccr as u16) });
@@ -219,8 +223,8 @@ impl DdcSource {
     fn stream_interrupt(&mut self) {
         let flags = dma::flags(self.port.stream);
         if !flags.has_error() && !flags.is_complete() {
-            // The task was called only to check in. A transfer that ends from now on leaves its flag set, which calls
-            // the task again.
+            // The task was called only to check in for the watchdog. A transfer that ends from now on leaves its flag
+            // set, which calls the task again.
             return;
         }
         dma::clear_flags(self.port.stream);

@@ -8,10 +8,10 @@
 //!
 //! # Errata (ES0206 rev 24) of the peripheral
 //!
-//! - 2.12.1, 2.12.5: BSY may stay high when the SPI is disabled, or after a transfer in other modes than this one.
-//!   Measure: the SPI stays enabled, and no code waits for BSY.
-//! - 2.12.4: the last bit may be corrupted in controller mode with delayed SCK feedback. Measure: SCK has a very high
-//!   pad speed, and 0.56 MHz of the 45 MHz that it may have.
+//! - ES0206 2.12.1, 2.12.5: BSY may stay high when the SPI is disabled, or after a transfer in other modes than this
+//!   one. Measure: the SPI stays enabled, and no code waits for BSY.
+//! - ES0206 2.12.4: the last bit may be corrupted in controller mode with delayed SCK feedback. Measure: SCK has a very
+//!   high pad speed, and 0.56 MHz of the 45 MHz that it may have.
 //!
 //! `unsafe` is used here for shared access to the peripheral's register block, and to start the DMA streams.
 #![allow(unsafe_code)]
@@ -206,8 +206,8 @@ impl SpiSource {
         let incoming = dma::flags(self.port.stream_in);
         let has_error = incoming.has_error() || dma::flags(self.port.stream_out).has_error();
         if !has_error && !incoming.is_complete() {
-            // The task was called only to check in. A transfer that ends from now on leaves its flag set, which calls
-            // the task again.
+            // The task was called only to check in for the watchdog. A transfer that ends from now on leaves its flag
+            // set, which calls the task again.
             return;
         }
         dma::clear_flags(self.port.stream_in);

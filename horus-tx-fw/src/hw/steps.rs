@@ -2,7 +2,7 @@
 //!
 //! # Errata (ES0206 rev 24) of the timers
 //!
-//! - 2.7.3 concerns compare channels, which are not used here.
+//! - ES0206 2.7.3 concerns compare channels, which are not used here.
 //!
 //! `unsafe` is used here for shared access to the timers' register blocks.
 #![allow(unsafe_code)]

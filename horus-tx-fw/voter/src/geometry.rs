@@ -96,8 +96,8 @@ impl Place {
         let outward = self.across * self.cosine - north * self.sine;
         let away = libm::sqrtf(outward * outward + east * east);
         let ahead = outward >= 0.0;
-        // Here `half_turn` is the tangent of half the change in longitude. Beyond the pole it is that of half of what
-        // the change lacks to 180°; at the pole it is 0 / tiny.
+        // Half of the change in longitude has the tangent `half_turn`. Beyond the pole, `half_turn` is the tangent of
+        // half of what the change lacks to 180°. At the pole it is 0 divided by the least positive number.
         let half_turn = east / at_least(away + if ahead { outward } else { -outward }, f32::MIN_POSITIVE);
         let turn = 2.0 * arc_tangent(half_turn);
         let (turn, bulge) =
@@ -162,7 +162,7 @@ mod tests {
 
     type Vector = [f64; 3];
 
-    /// A place as `Place::new` takes it. The tests compute with it in space, without approximations.
+    /// A place with the values that `Place::new` takes, by which the tests compute in space without approximations.
     #[derive(Clone, Copy, Debug)]
     struct Exact {
         latitude_e7: i32,
@@ -192,8 +192,8 @@ mod tests {
             [[-north * out, -north * east, along], [-east, out, 0.0], [along * out, along * east, north]]
         }
 
-        /// Returns the metres north, east and up from here to `other`, which lies at this height and is moved by `step`
-        /// north and east.
+        /// Returns the metres north, east and up from this place to `other`. `other` is taken at this place's height,
+        /// and moved by `step` north and east.
         fn to(&self, other: &Self, step: [f32; 2]) -> Vector {
             let other = Self { height: self.height, ..*other };
             let [north, east, _] = other.axes();

@@ -329,7 +329,7 @@ fn axis_of<const N: usize>(
     })
 }
 
-/// Returns the time from the epoch of each position to its arrival, half ms.
+/// Returns the time from the epoch of each position to its arrival, in units of half a millisecond.
 ///
 /// All receivers tell the time of week of the same system. So if one receiver's message arrives later after its time of
 /// week than another's, its latency is greater by that difference. The candidate with the median latency gets

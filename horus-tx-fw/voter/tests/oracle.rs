@@ -30,8 +30,8 @@ fn somewhere() -> impl Strategy<Value = (f64, f64)> {
     (latitude, longitude)
 }
 
-/// The state of a receiver: whether it is valid, how far off it is, m, its speed, mm/s, its accuracies, mm, its age,
-/// ms, its delay by its time of week, ms, whether its fix is 2D, its attitude and its acceleration.
+/// A drawn receiver: whether it is valid; its offset, m; its speed, mm/s; its accuracies, mm; its age, ms; its delay by
+/// its time of week, ms; whether its fix is 2D; its attitude and its acceleration.
 type Drawn = (bool, [f64; 3], [i32; 3], [u32; 2], i32, u32, bool, Option<[f32; 3]>, Option<[f32; 3]>);
 
 /// Draws three numbers. Most of them are so close to `about` that two draws may agree.
@@ -159,8 +159,8 @@ proptest! {
     #[test]
     fn five_receivers(ticks in ticks()) { compare::<5>(&ticks)?; }
 
-    /// The result does not depend on the order of the receivers, except for ties, which the lower numbers win.
-    /// Accuracies drawn like these have no equal sums.
+    /// The result does not depend on the order of the receivers, except for ties, which the lower numbers win. The
+    /// accuracies drawn here have no equal sums, so there are no ties.
     #[test]
     fn the_verdict_does_not_depend_on_the_order_of_the_receivers(
         ticks in ticks(),

@@ -133,14 +133,14 @@ fn the_age_of_a_message_follows_from_its_lag_behind_the_others() {
         ([90, 100, 130], [40, 50, 80]),
         ([130, 90, 100], [80, 40, 50]),
         ([100, 150, 50], [50, 100, 0]),
-        // In the next rows, one time of week is farther from the others than the voter accepts.
+        // In the rows from here on, one receiver's time of week is farther from the others than the voter accepts.
         ([100, 151, 49], [50, 50, 50]),
         ([100, 400_000, 110], [40, 50, 50]),
         ([400_000, 100, 110], [50, 40, 50]),
         ([0, WEEK_MS / 2 - 9, WEEK_MS / 2], [50, 50, 59]),
         // Times of week half a week from the first cannot be compared, so every latency is assumed.
         ([0, WEEK_MS / 2, WEEK_MS / 2 + 9], [50, 50, 50]),
-        // In the next rows the week ends between the receivers' times of week.
+        // In the rows from here on, the week ends between the receivers' times of week.
         ([5, LAST, LAST - 20], [56, 50, 30]),
         ([LAST, 5, 15], [44, 50, 60]),
         ([LAST, LAST - 30, 9], [50, 20, 60]),
@@ -644,8 +644,8 @@ fn a_jump_of_all_receivers_is_shown_after_1000_ms() {
     }
 }
 
-/// After 10 ms, a step of the place may be 2 m longer than the accuracies allow. At rest the accuracies are 1.505 and
-/// 2.505 m.
+/// Within 10 ms the place may change by what the accuracies allow, plus 2 m at 200 m/s. A receiver at rest has
+/// accuracies of 1.505 and 2.505 m.
 #[test]
 fn a_step_beyond_speed_and_accuracies_is_a_jump() {
     let shown = |by: Report| Flight::begun(0).is_shown(by);
@@ -654,7 +654,8 @@ fn a_step_beyond_speed_and_accuracies_is_a_jump() {
     assert!(shown(GOOD.moved(0.0, 0.02 - reach)) && !shown(GOOD.moved(0.0, -0.02 - reach)));
     let (a, b) = (reach * 0.6, reach * 0.8);
     assert!(shown(GOOD.moved(a - 0.02, b - 0.02)) && !shown(GOOD.moved(a + 0.02, b + 0.02)));
-    // The cases are the least and the greatest step that accuracies allow, and pairs in which the accuracies differ.
+    // Two results may have different accuracies. The pairs include the least and the greatest step that accuracies
+    // allow.
     let between = |one: u32, other: u32, by: f64| {
         let mut flight = Flight { voter: Voter::new(), now: 0 };
         assert!(flight.is_shown(GOOD.stating(one, 2_500)));
@@ -666,7 +667,7 @@ fn a_step_beyond_speed_and_accuracies_is_a_jump() {
         assert!(between(one, other, allowed + 1.98), "{one} {other}");
         assert!(!between(one, other, allowed + 2.03), "{one} {other}");
     }
-    // The greatest step that counts as no jump grows with the time: after 1000 ms without a position it is 200 m and
+    // The greatest step that counts as no jump grows with the time: after 1000 ms without a position it is 200 m plus
     // 6.4 m.
     for (by, expected) in [(206.3, true), (206.5, false)] {
         let mut flight = Flight::begun(0);
@@ -682,7 +683,7 @@ fn the_least_accurate_member_counts_for_a_jump() {
         let moved = |by: f64| {
             [0, 1, 2].map(|i| if i == worst { GOOD.stating(4_995, 2_500) } else { GOOD }.moved(by, 0.0).input())
         };
-        // The greatest step that counts as no jump is 3 √(1.505² + 5²) m and 2 m.
+        // The greatest step that counts as no jump is 3 √(1.505² + 5²) m plus 2 m.
         assert!(flight.voter.clone().vote(&moved(17.64), 10).position.is_some());
         assert!(flight.voter.vote(&moved(17.69), 10).position.is_none());
     }
@@ -747,7 +748,7 @@ fn an_altitude_that_jumps_is_held_back_by_itself() {
         assert_eq!((verdict.members, altitude(&verdict)), (0b111, None));
     }
     assert_eq!(altitude(&flight.tick(high)), Some(1_012.345));
-    // The greatest step in height that counts as no jump is 3 √2 of 2.505 m, and 2 m.
+    // The greatest step in height that counts as no jump is 3 √2 · 2.505 m plus 2 m.
     let reach = 3.0 * 2.0_f64.sqrt() * 2.505 + 2.0;
     for sign in [1.0, -1.0] {
         for (by, shown) in [(reach - 0.01, true), (reach + 0.01, false)] {

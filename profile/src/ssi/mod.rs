@@ -16,10 +16,10 @@
 //! After the request the flight controller may write one [object](crate::uplink::Written) of 64 bytes, an uplink or a
 //! command. [`port_status`](crate::port_status) defines how the DPR judges what was written.
 //!
-//! Neither form of the empty request can be mistaken for a request of a window. The CRC of four bytes 0x00 is not 0.
-//! Eight bytes 0xFF have a valid CRC (0xFFFFFFFF XOR four bytes 0xFF is 0, of which the final XOR makes four bytes
-//! 0xFF), but ask for 65535 bytes from offset 65535, and no map is that long. Bytes 0xFF have a valid CRC at no other
-//! length.
+//! Neither form of the empty request can be mistaken for a request of a window. Eight bytes 0x00 are no valid request,
+//! because the CRC of four bytes 0x00 is not 0. Eight bytes 0xFF have a valid CRC, but ask for 65535 bytes from offset
+//! 65535, and no map is that long. (0xFFFFFFFF XOR four bytes 0xFF is 0, of which the final XOR makes four bytes 0xFF.
+//! Bytes 0xFF have a valid CRC at no other length.)
 //!
 //! # Timing
 //!

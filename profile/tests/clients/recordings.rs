@@ -428,7 +428,7 @@ fn limits() -> Tape {
     for shown in [&map, &map, &next] {
         world.tape.transaction(world.now_us, NO_FRESH, &shown[..96]);
     }
-    // The line FRESH breaks here, so its last edge is long ago.
+    // From here on the line FRESH is broken, so its last edge was long ago.
     for n in 32..40 {
         world.now_us += CYCLE_US;
         let map = world.map(n);

@@ -120,7 +120,8 @@ fn code<T>(result: Result<T, Rejection>) -> u8 {
     }
 }
 
-/// Returns the number by which C tells what was read of an object, and the object if it is intact.
+/// Returns the number by which the C client states what it has read in place of an object, and the object if it is
+/// intact.
 fn shown<T>(shown: Option<Shown<T>>) -> (u8, Option<T>) {
     match shown {
         None => (code::<()>(Err(Rejection::Length)), None),

@@ -100,7 +100,8 @@ fn a_frame_is_answered_by_these_transfers() {
         assert_eq!(rig.chip.sent.last().map(|(_, sent)| &sent[..]), Some(&payload[..]));
         let log = rig.log();
         let lengths: Vec<usize> = log.iter().map(|entry| entry.len().div_ceil(3)).collect();
-        // An answer takes these transfers: clear, length, status and head, then the command, the rest and the status.
+        // For an answer the driver makes these transfers: clear, length, status and head; then the command, the rest
+        // and the status.
         assert_eq!(lengths, [1, 3, 8, 17, 1, 113, 8]);
         assert_eq!((&log[0][..], &log[1][..], &log[4][..]), ("DB", "22 04 00", "C4"));
         receive(&mut rig, &mut answerer);
@@ -159,7 +160,8 @@ fn an_answer_whose_instant_has_passed_is_given_up() {
     assert_eq!(prepare(&mut rig, &mut answerer, &[1; 128]), AnswererEvent::Loaded);
     rig.log();
     receive(&mut rig, &mut answerer);
-    // The clear removes the first bytes of the answer that was given up. It comes between the status and the unmasking.
+    // Between the status and the unmasking comes a clear of the FIFO, which removes the first bytes of the answer that
+    // was given up.
     assert_eq!(rig.log()[..3], ["59 00 00 00 00 00 00 00", "DB", "D1"]);
     assert!(rig.chip.sent.is_empty());
     works_again(&mut rig, &mut answerer);

@@ -1,4 +1,4 @@
-//! Tests the blocking form on `embedded-hal` traits. The chip is the same stand-in as for the other tests.
+//! Tests the blocking form on `embedded-hal` traits, with the stand-in for the chip.
 
 use std::cell::RefCell;
 use std::convert::Infallible;

@@ -89,8 +89,8 @@ fn an_exchange_is_these_transfers() {
         assert_eq!(machine.state(), ExchangeState::Over);
         let log = rig.log();
         let lengths: Vec<usize> = log.iter().map(|entry| entry.len().div_ceil(3)).collect();
-        // An exchange takes these transfers: clear, length, status and head; the command, the rest and the status; the
-        // unmasking, two reads of the status, LEN and payload, the masking, the gain and the status.
+        // For an exchange the driver makes these transfers: clear, length, status and head; the command, the rest and
+        // the status; the unmasking, two reads of the status, LEN and payload, the masking, the gain and the status.
         assert_eq!(lengths, [1, 3, 8, 17, 1, 49, 8, 1, 8, 8, 130, 1, 1, 8]);
         assert_eq!([&log[4], &log[7], &log[11], &log[12]], ["C4", "D1", "D0", "D5"]);
         assert_eq!(rig.buffer[..=128], [&[129][..], &payload].concat());
@@ -421,7 +421,7 @@ fn settings_are_read_back_in_turn_after_each_exchange() {
     }
 }
 
-/// Sends a frame. Returns whether the exchange ends in a register's fault.
+/// Sends a frame. Returns whether the exchange reports that a register differs from its setting.
 fn load_and_fire(rig: &mut Rig, machine: &mut Exchange) -> bool {
     rig.payload = vec![1; 64];
     let step = machine.prepare(64).expect("it is ready");

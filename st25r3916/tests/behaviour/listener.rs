@@ -483,7 +483,7 @@ fn a_frame_without_end_is_dropped_6_ms_after_its_sync() {
             hears(&mut rig, &mut listener, 244);
             let log = rig.log();
             assert_eq!(log[0], "59 00 00 00 00 00 00 00");
-            // An empty FIFO needs no clear, so the transfers may lack it.
+            // An empty FIFO needs no clear, so the recorded transfers may lack the clear.
             assert!(log[1] == "D1" || log[1..3] == ["DB", "D1"], "{log:?}");
             assert_eq!(listener.counters().no_end, 1);
             rig.assert_no_misuse();
@@ -1096,7 +1096,7 @@ fn a_listener_that_hears_nothing_is_brought_up_anew_ever_more_rarely() {
 #[test]
 fn no_back_off_of_earlier_faults_delays_the_bring_up_for_silence() {
     let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
-    // Ten faults in a row raise the back-off to 64 ms, which a further fault would be followed by.
+    // Ten faults in a row raise the back-off to 64 ms. A further fault would be followed by that back-off.
     rig.chip.miso = Miso::StuckLow;
     assert_eq!(rig.listener(&mut listener), ListenerEvent::Fault(Fault::Reset));
     for _ in 0..9 {

@@ -23,7 +23,7 @@ use super::frames::{Case, CASES, CLASSES, SIZE};
 /// For each of the listener's three reads of its FIFO, the number of the frame's bytes, LEN included, that have
 /// arrived.
 const READS: [usize; 3] = [16, SIZE + 3 - st25r3916::listener::BODY, SIZE + 3 - st25r3916::listener::TAIL];
-/// The number of cycles before the timed one; the sequence is found with the fourth.
+/// The number of cycles before the cycle that is timed. The sequence is found with the fourth cycle.
 const CYCLES_BEFORE: u32 = 6;
 
 pub(crate) struct Own<'a, T>(pub(crate) &'a mut T);
@@ -126,7 +126,7 @@ pub(crate) fn follow(cycles: &Cycles) {
     }
     let [first, second, third] = taken;
     first.assert("Early::follow, first read", bounds(350, 260, 350, 0));
-    // The spread comes from the reason for a rejection, which the verdict reports. Two wrong identifiers take 14 cycles
+    // The time varies with the reason for a rejection, which the verdict reports. Two wrong identifiers take 14 cycles
     // less than a good frame, and a wrong position CRC takes 8 cycles more.
     second.assert("Early::follow, second read", bounds(2_800, 1_850, 2_600, 24));
     third.assert("Early::follow, third read", bounds(650, 450, 600, 8));
@@ -186,7 +186,7 @@ pub(crate) fn frame(cycles: &Cycles) {
             defmt::assert_eq!((accepted, rejected), (shown, 4 * (CYCLES_BEFORE + 1) - shown), "{}", case);
             frame[case.class()].note(took);
 
-            // The whole commit task is timed next. It does the same for a frame in a receive buffer.
+            // Here the whole commit task is timed. It commits the same frame from a receive buffer.
             let mut written = defmt::unwrap!(filling.take());
             // LEN comes after LEAD bytes, and so is the last byte of the first word.
             written.memory()[0] = u32::from(bytes[0]) << (8 * LEAD);

@@ -81,8 +81,8 @@ fn frame(
     let mut listener = before.clone();
     let mut waits = waits.iter();
     let mut arm = |chip: &mut Chip| {
-        // After these waits the receiver is made ready again. No further interrupt has come then, and the CRC-16 is
-        // still in the FIFO.
+        // After the listed waits the receiver is made ready again. No further interrupt has come then, and the CRC-16
+        // is still in the FIFO.
         let &(main, count) = waits.next().unwrap_or(&(0, 2));
         let Flags { error, fifo } = if main == RXS || (main, count) == (0, 2) { CLEAN } else { flags };
         chip.set_status(Status { main, error, count, fifo });

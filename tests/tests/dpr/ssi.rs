@@ -162,7 +162,8 @@ pub(crate) fn serve(cycles: &Cycles) {
         released_at: 0,
         handed_over: None,
     };
-    // The calls have three classes: the next area is ready, or the port task has just returned it, or there is none.
+    // The calls have three classes, by the next receive area: it is ready, the port task has just returned it, or there
+    // is none.
     let mut released = [Taken::NONE; 3];
     let mut whole = [Taken::NONE; 3];
     let mut granted = 0;
@@ -171,8 +172,8 @@ pub(crate) fn serve(cycles: &Cycles) {
             let mut server = Server::<LEN>::new();
             port.mosi = black_box(bytes);
             let took = cycles.of(|| server.serve(&mut port, Own(&mut mailbox), &telemetry));
-            // Before the first call of each request, all areas were used up and then returned. So that call has a class
-            // of its own.
+            // Before the first call of each request, all receive areas were used up and then returned. So that call is
+            // in the second class.
             let class = match port.handed_over {
                 Some(HandedOver::Waits) if number == 0 => 1,
                 Some(HandedOver::Waits) => 0,
@@ -193,8 +194,8 @@ pub(crate) fn serve(cycles: &Cycles) {
         }
     }
     defmt::assert_eq!(port.released, granted);
-    // The flight controller waits until the buffers are released, so that time has a bound and a limit for its spread.
-    // The whole call has a bound only, because its time depends on how many areas the port task has.
+    // The flight controller waits until the buffers are released, so that time has a bound and may vary only within a
+    // limit. The whole call has a bound only, because its time depends on how many areas the port task has.
     released[0].assert("Server::serve, until the release", bounds(330, 250, 330, 16));
     released[1].assert("Server::serve, until the release, area just returned", bounds(360, 280, 360, 16));
     released[2].assert("Server::serve, until the release, areas used up", bounds(400, 330, 420, 16));
@@ -255,7 +256,8 @@ pub(crate) fn rotation(cycles: &Cycles) {
     done.assert("Rotation::done", bounds(35, 30, 45, 8));
 }
 
-/// Times `WritePort::transaction` and `WritePort::prepare`. Only the idle loop waits for them, so no spread counts.
+/// Times `WritePort::transaction` and `WritePort::prepare`. Only the idle loop waits for them, so their time may vary
+/// with the data.
 pub(crate) fn port(cycles: &Cycles) {
     let (base, own) = (Writer::<BaseStation>::claim(), Writer::<FlightController>::claim());
     let values = |timestamp| UplinkValues { timestamp, payload: [0xA5; Uplink::PAYLOAD], ..UplinkValues::default() };

@@ -1,6 +1,6 @@
 //! Writes the tables of docs/design.md that describe objects, map, status words and codes.
 //!
-//! Each stands between `<!-- table: NAME -->` and `<!-- end -->`. The text around them is written by hand.
+//! Each table stands between `<!-- table: NAME -->` and `<!-- end -->`. The text around the tables is written by hand.
 
 use std::fmt::Write as _;
 

@@ -39,7 +39,7 @@ impl Small {
         Trace::of(self.requirements, &sources, &self.defects, self.mutants)
     }
 
-    /// The same with the text of a source changed.
+    /// Returns the same input with another text of the source at `path`.
     fn with(mut self, path: &str, text: &'static str) -> Self {
         self.sources.iter_mut().filter(|(name, _)| *name == path).for_each(|(_, old)| *old = text);
         self

@@ -17,7 +17,7 @@
 //! | Port-Status without it, over [`ANSWERS_US`] after it was first sent | [refused](State::Refused), with reason |
 //! | nothing | [sent](State::Sent), and finally [unanswered](State::Unanswered) |
 //!
-//! Until [`ANSWERS_US`] have passed, Port-Status may be the answer to an earlier uplink.
+//! Until [`ANSWERS_US`] after the uplink was first sent, Port-Status may be the answer to an earlier uplink.
 //!
 //! **A command to a hold** begins the payload of uplinks, each with a later timestamp. It excludes uplinks of users,
 //! whose payload the hold could take for a command as well.

@@ -19,7 +19,7 @@ pub(crate) struct Buffer {
 
 impl Buffer {
     pub(super) fn new(place: usize, at: At) -> Self {
-        // The words begin with a value that is no generation.
+        // All words begin with 0xEE, which is the number of no image.
         Self { place, words: [0xEE; IMAGE_WORDS], at }
     }
 

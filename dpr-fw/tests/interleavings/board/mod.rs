@@ -212,7 +212,7 @@ impl At {
         }
     }
 
-    /// Records that of all that the running task has seen, only `what` still determines its next steps.
+    /// Records that the next steps of the running task depend on `what`, and on nothing else that the task has seen.
     fn forget_all_but(&self, what: impl std::hash::Hash) {
         if let Some(frame) = self.0.frames.borrow_mut().last_mut() {
             frame.seen = digest(what);
@@ -230,8 +230,8 @@ impl At {
         ))
     }
 
-    /// Records that the running task locks a resource. What the scrub task saw before no longer matters: the buffer
-    /// that it held goes back now, and no other code holds the buffer that it takes.
+    /// Records that the running task locks a resource. For the scrub task, what it saw before no longer matters: it
+    /// gives its buffer back now, and no other code holds the buffer that it then takes.
     fn see_resource(&self, index: usize) {
         let shared = self.0.digests.get()[index];
         if let Some(frame) = self.0.frames.borrow_mut().last_mut() {

@@ -39,7 +39,7 @@ impl At {
 impl Doorbell for At {
     fn request(&mut self) -> bool {
         let Board { hw, bounds, .. } = &*self.0;
-        // The image is in the mailbox at this point, and so counts as published.
+        // The image was put into the mailbox before this request, so it counts as published.
         let generation = self.0.generation.get();
         hw.borrow_mut().published = generation;
         if bounds.mutation == Mutation::FreshBeforeTaken {
@@ -131,8 +131,8 @@ impl Ssi for SsiModel {
         }
         at.see((amount, self.received));
         if bounds.mutation == Mutation::None {
-            // Both registers are written again before they are read. Clearing them makes more states of the search
-            // equal.
+            // RXD and AMOUNT are cleared, since both are written again before they are read. More states of the search
+            // are then equal.
             hw.borrow_mut().rxd = [0; 8];
             hw.borrow_mut().amount = 0;
         }

@@ -124,7 +124,7 @@ impl At {
         outbox.filling().fill(u32::from(generation));
         self.0.hw.borrow_mut().ram[place][0] = u32::from(generation);
         self.point("fills the upper half");
-        // Until the next fence the compiler may delay a store to the upper half.
+        // The compiler may delay the store to the upper half until the next fence.
         self.0.hw.borrow_mut().held_back[place] = Some(u32::from(generation));
         self.0.generation.set(generation);
         outbox.publish();

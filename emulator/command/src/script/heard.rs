@@ -13,7 +13,7 @@ struct Sent {
     bytes: Vec<u8>,
     /// The instant of each byte that the firmware sent, ns.
     at: Vec<u64>,
-    /// The number of bytes that were already searched for the text of the present line.
+    /// The number of sent bytes in which the text of the script's present line was already searched for.
     searched: usize,
 }
 
@@ -36,7 +36,7 @@ impl Heard {
         self.pins.entry(pin).or_insert_with(|| (run.node().pin(pin), VecDeque::new()));
     }
 
-    /// Begins a line of the script, which may look for another text.
+    /// Begins a line of the script. If the line expects a text, all bytes are searched for it anew.
     pub(super) fn begin_line(&mut self) {
         self.sent.values_mut().for_each(|sent| sent.searched = 0);
     }
@@ -65,8 +65,8 @@ impl Heard {
         }
     }
 
-    /// Returns the instant (ns) at which the firmware carried out `deed`; `None` if it has not. Later searches begin
-    /// after that instant.
+    /// Returns the instant (ns) at which the firmware carried out the action `deed`; `None` if it has not. Later
+    /// searches begin after that instant.
     pub(super) fn find(&mut self, deed: &Deed, run: &mut dyn AnyRun) -> Option<u64> {
         match deed {
             Deed::Edge(pin, level) => {
@@ -129,7 +129,7 @@ impl Heard {
 }
 
 impl Deed {
-    /// Returns the deed in words that can follow "expected".
+    /// Returns the action in words that can follow "expected".
     pub(super) fn shown(&self, pins: &Pins) -> String {
         match self {
             Self::Edge(pin, true) => format!("{} to rise", pins.name(*pin)),

@@ -153,8 +153,8 @@ impl Script {
         }
     }
 
-    /// Begins the next line, or runs the firmware for a piece of the time for which the present line waits. Passes an
-    /// answer to each line that is done to `say`.
+    /// Begins the script's next line, or runs the firmware for a part of the time for which the present line waits.
+    /// Passes the answer to each finished line to `say`.
     ///
     /// # Errors
     ///

@@ -33,7 +33,7 @@ fn signed(h: u16, bits: u32) -> u32 {
     ((u32::from(h) << up) as i32 >> up) as u32
 }
 
-/// The behaviour of a 16-bit instruction in an IT block. The instructions of A5.2.1 and A5.2.2, except for the
+/// The behaviour of a 16-bit instruction in an IT block. The instructions of ARM ARM A5.2.1 and A5.2.2, except for the
 /// compares, set the flags outside of IT blocks only.
 pub(super) fn block(h: u16, what: Do) -> Block {
     match what {
@@ -106,8 +106,8 @@ fn special_data(address: u32, h: u16) -> Do {
             (_, 15) => Do::AddImm { d, n: d, imm: pc },
             _ => Do::AddReg { d, n: d, m },
         },
-        // CMP of two low registers in this form is UNPREDICTABLE (A7.7.28). Silicon compares them, and LLVM relies on
-        // this in the atomic exchange of unoptimised code.
+        // CMP of two low registers in this form is UNPREDICTABLE (ARM ARM A7.7.28). Silicon compares them, and LLVM
+        // relies on this in the atomic exchange of unoptimised code.
         1 if d == 15 || m == 15 => UNDEFINED,
         1 => Do::CmpReg { n: d, m },
         2 => match (d, m) {

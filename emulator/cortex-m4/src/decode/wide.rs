@@ -74,7 +74,7 @@ fn imm5(second: u16) -> u8 {
     field(second, 12, 3) << 2 | field(second, 6, 2)
 }
 
-/// Finds the operation that the fields of A5.3.1 and A5.3.11 encode. Returns `None` where its registers are not
+/// Finds the operation that the fields of ARM ARM A5.3.1 and A5.3.11 encode. Returns `None` where its registers are not
 /// allowed.
 fn alu(first: u16, d: u8, n: u8) -> Option<(Alu, bool)> {
     let s = first & 0x10 != 0;
@@ -174,7 +174,7 @@ fn shifted_register(first: u16, second: u16) -> Do {
 }
 
 /// Decodes as [`alu`] does, and checks the second operand register as well. MOV without flags and shift may read or
-/// write the stack pointer (A7.7.77).
+/// write the stack pointer (ARM ARM A7.7.77).
 fn alu_register(first: u16, second: u16, d: u8, n: u8, m: u8) -> Option<(Alu, bool)> {
     if first & 0x1F0 == 0x40 && second & 0x70F0 == 0 && n == 15 && (d == 13) != (m == 13) && d != 15 && m != 15 {
         return Some((Alu::Mov, false));

@@ -116,8 +116,8 @@ impl<C: Cost> Core<C> {
                 (HARD_FAULT, 0, debug_catch::INTERR)
             }
             Fault::BusLazy | Fault::MemLazy => {
-                // `fp_ready` has already made the exception pending. Either the exception preempts, or the core is
-                // locked up.
+                // `fp_ready` has already made the exception of this fault pending. Either that exception preempts, or
+                // the core is locked up.
                 if !self.locked_up && self.preempts() {
                     let to = self.r[15];
                     self.enter(bus, to);

@@ -49,7 +49,8 @@ impl<C: Cost> Core<C> {
             self.end_burst();
             self.catch_up();
             self.exception_return(bus, target);
-            // The exception return may have taken cycles.
+            // The next instruction's cycles count from the end of the exception return, which may have taken cycles
+            // itself.
             self.count_from(pc, self.cycle);
             return self.r[15];
         }

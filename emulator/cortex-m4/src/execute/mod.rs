@@ -449,7 +449,7 @@ impl<C: Cost> Core<C> {
             Do::Fault(fault) => return Err(fault),
             Do::Breakpoint => self.pause(Exit::Breakpoint),
             Do::HostCall => {
-                // Its size is 0, so the run loop has not counted the fetch.
+                // A semihosting call has size 0, so the run loop has not counted its fetch.
                 self.fetch_waits(bus, self.r[15], 2);
                 self.pause(Exit::HostCall);
             }

@@ -187,8 +187,8 @@ impl<C: Cost> Core<C> {
         self.ici = register as u8;
         self.attention = true;
         self.end_burst();
-        // An interrupted instruction is counted at full cost now, and again when it is completed. One count and the
-        // cost of the remaining registers are therefore taken back here.
+        // An interrupted instruction is counted at full cost now, and again when it is completed. So one full cost, and
+        // that of the remaining registers, are taken back here.
         self.cycle -= u64::from(left);
         self.retired -= 1;
         self.r[15]
@@ -200,8 +200,8 @@ impl<C: Cost> Core<C> {
         let from = std::mem::take(&mut self.ici);
         let rest = list & (u16::MAX << (from & 15));
         let before = list.count_ones() - rest.count_ones();
-        // The cycles of the registers that were moved before must not count twice. The cycle for the start of the
-        // instruction counts again.
+        // The cycles of the registers that were moved before the interrupt must not count twice. The cycle for the
+        // start of the instruction counts again.
         self.catch_up();
         let again = u64::from(before).min(self.cycle);
         self.cycle -= again;

@@ -58,7 +58,7 @@ fn data_processing(first: u16, second: u16) -> Option<FpOp> {
     let d = field(second, 12) << 1 | u8::from(bit(first, 6));
     let n = field(first, 0) << 1 | u8::from(bit(second, 7));
     let m = field(second, 0) << 1 | u8::from(bit(second, 5));
-    // The first two numbers are bit 23 and bits 21:20 of the instruction, which are Opc1 without its bit for D.
+    // The first two numbers of each arm are bit 23 and bits 21:20 of the instruction: Opc1 without its bit for D.
     Some(match (bit(first, 7), first >> 4 & 3, bit(second, 6)) {
         (false, 0, false) => FpOp::Vmla { d, n, m },
         (false, 0, true) => FpOp::Vmls { d, n, m },
@@ -84,7 +84,8 @@ fn data_processing(first: u16, second: u16) -> Option<FpOp> {
     })
 }
 
-/// Decodes the instructions with Opc1 = 1x11 and Opc3 = x1. The low four bits of the first halfword are Opc2, A6.4.
+/// Decodes the instructions with Opc1 = 1x11 and Opc3 = x1. The low four bits of the first halfword are Opc2, ARM ARM
+/// A6.4.
 fn other_data_processing(first: u16, second: u16, d: u8, m: u8) -> Option<FpOp> {
     let high = bit(second, 7);
     let opc2 = field(first, 0);

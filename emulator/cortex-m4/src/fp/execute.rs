@@ -13,7 +13,7 @@ use crate::{Bus, Core, Cost, Fault, Purpose, Width};
 
 const SIGN: u32 = arith::SIGN;
 
-/// Expands an immediate to 32 bits (`VFPExpandImm`, A6.4.1).
+/// Expands an immediate to 32 bits (`VFPExpandImm`, ARM ARM A6.4.1).
 fn expand_immediate(imm8: u8) -> u32 {
     let imm8 = u32::from(imm8);
     let exponent = if imm8 & 0x40 == 0 { 0x80 } else { 0x7C } | imm8 >> 4 & 3;

@@ -28,7 +28,7 @@ mod tests;
 
 pub(crate) use decode::decode;
 
-/// The bits of FPSCR that FPv4-SP has: N, Z, C, V, AHP, DN, FZ, RMode, IDC and the five of IEEE 754 (A2.5.3).
+/// The bits of FPSCR that FPv4-SP has: N, Z, C, V, AHP, DN, FZ, RMode, IDC and the five of IEEE 754 (ARM ARM A2.5.3).
 pub(crate) const FPSCR_BITS: u32 = 0xF7C0_009F;
 
 /// A decoded instruction. `d`, `n` and `m` number single-precision registers. `t`, `t2` and `base` number core
@@ -116,7 +116,7 @@ pub(crate) enum FpOp {
         d: u8,
         m: u8,
     },
-    /// VMOV of an immediate. `imm8` is the encoded value, which A6.4.1 expands.
+    /// VMOV of an immediate. `imm8` is the encoded value, which ARM ARM A6.4.1 expands.
     VmovImmediate {
         d: u8,
         imm8: u8,

@@ -155,7 +155,7 @@ impl Dwt {
     }
 
     /// Returns whether the value of an access matches (DATAVMATCH). The access must have the size DATAVSIZE and be at
-    /// the address of a linked comparator (C1.8.5).
+    /// the address of a linked comparator (ARM ARM C1.8.5).
     fn value_matches(&self, comparator: Comparator, address: u32, width: u32, value: u32) -> bool {
         let size = 1 << (comparator.function >> 10 & 3).min(2);
         if width != size {

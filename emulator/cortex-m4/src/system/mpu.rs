@@ -48,8 +48,8 @@ impl Region {
     }
 }
 
-/// A range of addresses that all have the same rights while the MPU applies. A span has sixteen bytes, so a shift finds
-/// it in a list.
+/// A range of addresses that all have the same rights while the MPU applies. The struct has sixteen bytes, so that a
+/// shift finds an entry in a list of spans.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(16))]
 struct Span {
@@ -126,7 +126,8 @@ impl Mpu {
     /// Computes the spans. Rights change only where a region, an eighth of a region or an area of the default map
     /// begins or ends.
     fn work_out(&mut self) {
-        // The default map has eight areas. A region has two ends, and seven addresses between its eighths.
+        // Rights change at 8 + 8 · 9 addresses at most: the default map has eight areas, and each of eight regions has
+        // two ends and seven addresses between its eighths.
         let mut edges = [0_u32; 8 + 8 * 9];
         let mut count = 0;
         let mut add = |edge: u32| {
@@ -233,7 +234,7 @@ impl Mpu {
     }
 
     pub(crate) fn data(&mut self, address: u32, write: bool, privileged: bool, priority: i32) -> bool {
-        // The default memory map always governs the private peripheral bus (B3.5.1).
+        // The default memory map always governs the private peripheral bus (ARM ARM B3.5.1).
         !self.applies(priority)
             || address >> 20 == 0xE00
             || self.span(address).rights & data_right(write, privileged) != 0
@@ -255,7 +256,7 @@ impl Mpu {
 
     fn decide_fetch(&self, region: Option<Region>, address: u32, privileged: bool) -> bool {
         match region {
-            // System space is execute-never, whatever a region says (B3.1).
+            // System space is execute-never, whatever a region says (ARM ARM B3.1).
             Some(region) => {
                 region.allows(false, privileged) && region.attributes >> 28 & 1 == 0 && address < 0xE000_0000
             }
@@ -334,7 +335,7 @@ mod tests {
             }
             for pair in ends[1..ends.len() - 1].chunks(2) {
                 assert_eq!(pair[0].wrapping_add(1), pair[1], "no address is left out");
-                // The two words are before and after the end of a span.
+                // This access crosses the end of a span, so `opens` must return false.
                 assert!(!mpu.opens(pair[0], 2, false, true) && !mpu.opens(pair[0], 2, true, false));
             }
         }

@@ -109,7 +109,7 @@ fn identification(offset: u32) -> Option<u32> {
         0xD68 => 0x2123_2231,
         0xD6C => 0x0111_1131,
         0xD70 => 0x0131_0132,
-        // These registers are AFR0, MMFR1, MMFR3, and the cache registers of other cores.
+        // The registers at these addresses are AFR0, MMFR1, MMFR3, and the cache registers of other cores.
         0xD4C | 0xD54 | 0xD5C | 0xD74..=0xD84 => 0,
         0xF40 => 0x1011_0021,
         0xF44 => 0x1100_0011,

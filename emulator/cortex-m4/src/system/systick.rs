@@ -9,7 +9,7 @@
 //! management"). A part that stops FCLK in deep sleep also stops the core's cycle count. SysTick stands still while the
 //! core is halted for debug (B3.3.1).
 //!
-//! The value is calculated from the cycle at which it was last known.
+//! The counter's value is not stored for each cycle: it is calculated from the last cycle at which it was known.
 
 const ENABLE: u32 = 1;
 const TICKINT: u32 = 1 << 1;
@@ -33,7 +33,7 @@ impl SysTick {
         Self { control: 0, reload: 0, value: 0, at: 0, counted: false, paused: false, reference, calibration }
     }
 
-    /// The core cycles in one tick. Without a reference clock, CLKSOURCE reads as one (B3.3.3).
+    /// The core cycles in one tick. Without a reference clock, CLKSOURCE reads as one (ARM ARM B3.3.3).
     fn step(&self) -> u64 {
         if self.control & CLKSOURCE != 0 || self.reference == 0 { 1 } else { u64::from(self.reference) }
     }
@@ -125,7 +125,7 @@ impl SysTick {
             }
             0x4 => self.reload = value & 0x00FF_FFFF,
             0x8 => {
-                // Any write clears the counter and COUNTFLAG without raising the exception (B3.3.5).
+                // Any write clears the counter and COUNTFLAG without raising the exception (ARM ARM B3.3.5).
                 self.value = 0;
                 self.counted = false;
                 self.align(cycle);

@@ -180,7 +180,7 @@ impl Serial {
                 transaction.tx.done += 1;
                 byte
             }
-            // This byte is past the end of TXD, or at an address that EasyDMA does not reach.
+            // The byte is past the end of TXD, or at an address that EasyDMA does not reach.
             (left, _) => {
                 transaction.tx.done += u32::from(left.is_some());
                 if left.is_none() {

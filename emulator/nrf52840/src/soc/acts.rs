@@ -21,7 +21,7 @@ impl Soc {
         let there = if self.off { 1 << COMP } else { u64::MAX };
         let mut later = u64::MAX;
         loop {
-            // An instance that another one has called may have an event due as well.
+            // One instance's event may have called another instance, which may have an event due as well.
             let left = (self.scheduled | self.touched) & later & there;
             if left == 0 {
                 return;

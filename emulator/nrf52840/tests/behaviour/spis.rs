@@ -93,8 +93,8 @@ fn the_outside_sees_the_cpu_take_the_semaphore_and_give_it_back() {
     rig.assert_clean();
 }
 
-/// Bytes exchanged in runs must equal bytes exchanged one by one, in granted and other transactions, within the buffers
-/// and past their ends.
+/// Bytes that are exchanged many at a time must equal bytes exchanged one by one, in granted and other transactions,
+/// within the buffers and past their ends.
 #[test]
 fn bytes_exchanged_together_are_those_exchanged_one_by_one() {
     for granted in [true, false] {
@@ -127,7 +127,7 @@ fn bytes_exchanged_together_are_those_exchanged_one_by_one() {
         together.run_to(began + US * (mosi.len() as u64 + 1));
         together.deselect(CSN);
 
-        // RXD has 8 bytes, so a run ends at the eighth byte, which raises ENDRX.
+        // RXD has 8 bytes, so an exchange of many bytes stops at the eighth, which raises ENDRX.
         assert_eq!(runs, if granted { vec![8, 3] } else { vec![11] });
         assert_eq!(miso.into_iter().map(Some).collect::<Vec<_>>(), alone);
         assert_eq!(together.memory(RX, 9), one_by_one.memory(RX, 9));
@@ -142,7 +142,7 @@ fn bytes_exchanged_together_are_those_exchanged_one_by_one() {
 #[test]
 fn an_spis_on_other_pins_than_the_controllers_exchanges_nothing() {
     // Each row has the PSEL register that is set wrongly, the byte that the SPIS sends, and the byte that it receives.
-    // Without SCK the first is constant. MOSI matters only to the second.
+    // An SPIS without SCK sends a constant byte. A wrong MOSI changes only the received byte.
     for (register, back, received) in [(0x508, Some(0), 0), (0x510, Some(1), 0), (0x50C, None, 0xA0)] {
         let mut rig = with_spis();
         rig.write_all(&[(SPIS1 + register, psel(0, 20)), (SPIS1 + 0x28, 1)]);
@@ -236,7 +236,7 @@ fn the_semaphore_goes_from_hand_to_hand_as_specified() {
         assert_eq!(rig.read(SPIS1 + 0x400), from);
         rig.write(SPIS1 + task, 1);
         assert_eq!((rig.read(SPIS1 + 0x400), rig.read(SPIS1 + 0x128)), (to, acquired), "from {from} by {task:#x}");
-        // After the transaction has ended, the state must be the one that follows the row's next state.
+        // `after` is the state that must follow the row's next state once the transaction has ended.
         rig.run_for(10 * US);
         rig.deselect(CSN);
         let after = if to == pending {

@@ -78,7 +78,8 @@ fn a_compare_due_with_a_task_or_write_is_not_lost() {
             let mut rig = Rig::new();
             rig.write_all(&timer(TIMER0, 320));
             rig.write_all(&[(PPI + 0x510, TIMER0 + 0x140), (PPI + 0x514, EGU0), (PPI + 0x504, 1), (TIMER0, 1)]);
-            // The core writes before the models are advanced to the event that is due.
+            // The event is due at 20 µs. The core's write comes then or a few cycles later, before the models are
+            // advanced to the event.
             rig.now = 20 * US + late;
             rig.write(address, value);
             assert_eq!(rig.read(TIMER0 + 0x140), 1, "{what}, {late} cycles late");
@@ -342,7 +343,7 @@ fn the_timeout_interrupt_comes_two_ticks_before_the_reset() {
     rig.write(WDT + 0x304, 1);
     assert_eq!(rig.run_until_set(WDT + 0x100, 10 * MS), lf_tick(100));
     assert!(rig.line(16));
-    // These reloads of the watchdog come too late.
+    // The watchdog has run out, so its reloads come too late.
     rig.write_all(&[(WDT + 0x600, 0x6E52_4635), (WDT + 0x604, 0x6E52_4635)]);
     rig.run_to(10 * MS);
     assert_eq!(rig.part.watchdog_resets()[0].at, lf_tick(102));

@@ -120,12 +120,12 @@ impl Can {
         u64::from(quanta * ((self.btr & 0x3FF) + 1)) * u64::from(cx.clocks.pclk1)
     }
 
-    /// Whether RX is recessive. In loopback the pin is ignored (32.5.2). A pin that is not connected is high.
+    /// Whether RX is recessive. In loopback the pin is ignored (RM0090 32.5.2). A pin that is not connected is high.
     fn hears_recessive(&self, cx: &Cx) -> bool {
         self.btr & LBKM != 0 || cx.pads.input(Signal::Can(1, CanPin::Rx)).unwrap_or(true)
     }
 
-    /// Enters the mode that software has requested (32.4), but not before the present frame has been sent.
+    /// Enters the mode that software has requested (RM0090 32.4), but not before the present frame has been sent.
     fn follow_requests(&mut self, cx: &Cx) {
         if self.sending.is_some() {
             return;
@@ -168,7 +168,7 @@ impl Can {
         self.due = ends;
     }
 
-    /// The FIFO and the number of the filter that accepts `message` (32.7.4).
+    /// The FIFO and the number of the filter that accepts `message` (RM0090 32.7.4).
     fn accept(&self, message: &Mailbox) -> Option<(usize, u32)> {
         if self.fmr & 1 != 0 {
             return None;

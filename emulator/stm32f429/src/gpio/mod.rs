@@ -210,7 +210,7 @@ impl Gpio {
         p.analog = fields(p.moder, 3);
         p.open_drain = p.otyper as u16;
         self.pads.open_drain[port] = p.open_drain;
-        // Pulls are off in analog mode (8.3.12). The reserved value 11 is no pull.
+        // Pulls are off in analog mode (RM0090 8.3.12). The reserved value 11 is no pull.
         p.pull_up = fields(p.pupdr, 1) & !p.analog;
         p.pull_down = fields(p.pupdr, 2) & !p.analog;
         let (mut touched, mut count) = ([NONE; 32], 0);

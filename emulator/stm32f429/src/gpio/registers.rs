@@ -12,7 +12,7 @@ impl Gpio {
             3 => p.pupdr,
             4 => u32::from(p.levels() & !p.analog),
             5 => u32::from(p.odr),
-            // BSRR is write-only and reads as 0, 8.4.7.
+            // BSRR is write-only and reads as 0, RM0090 8.4.7.
             7 => u32::from(p.lock) | u32::from(p.locked) << 16,
             8 => p.afr[0],
             9 => p.afr[1],
@@ -55,7 +55,7 @@ impl Gpio {
                 return;
             }
             6 => {
-                // Zeros in BSRR do nothing. Setting wins over clearing (8.4.7).
+                // Zeros in BSRR do nothing. Setting wins over clearing (RM0090 8.4.7).
                 let bits = merge(0, offset, width, value);
                 p.odr = p.odr & !((bits >> 16) as u16) | bits as u16;
                 self.settle(port, now, pc, out);
@@ -83,8 +83,8 @@ impl Gpio {
         self.look(port, now, pc, out);
     }
 
-    /// Handles a step of the lock sequence (8.3.6): bit 16 is written as 1, 0, 1 with the same pins, and then read.
-    /// Anything else aborts the sequence.
+    /// Handles a step of the lock sequence (RM0090 8.3.6): bit 16 is written as 1, 0, 1 with the same pins, and then
+    /// read. Anything else aborts the sequence.
     fn lock(p: &mut Port, bits: u32, word: bool) {
         if p.locked {
             return;

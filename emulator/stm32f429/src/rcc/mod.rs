@@ -103,7 +103,7 @@ const DCKCFGR: u32 = 0x8C / 4;
 const RESETS: [u32; 5] = [0x10 / 4, 0x14 / 4, 0x18 / 4, 0x20 / 4, 0x24 / 4];
 const ENABLES: [u32; 5] = [0x30 / 4, 0x34 / 4, 0x38 / 4, 0x40 / 4, 0x44 / 4];
 const LOW_POWER: [u32; 5] = [0x50 / 4, 0x54 / 4, 0x58 / 4, 0x60 / 4, 0x64 / 4];
-/// The bits that exist in the reset, enable and low-power enable registers (7.3.5 to 7.3.14).
+/// The bits that exist in the reset, enable and low-power enable registers (RM0090 7.3.5 to 7.3.14).
 const RESET_BITS: [u32; 5] = [0x22E0_17FF, 0x0000_00F1, 1, 0xF6FE_C9FF, 0x0477_7933];
 const ENABLE_BITS: [u32; 5] = [0x7EF4_17FF, 0x0000_00F1, 1, 0xF6FE_C9FF, 0x0477_7F33];
 const LOW_POWER_BITS: [u32; 5] = [0x7EF7_97FF, 0x0000_00F1, 1, 0xF6FE_C9FF, 0x0477_7F33];
@@ -212,7 +212,7 @@ impl Rcc {
         };
         fresh.csr = flags;
         if keep {
-            // A system reset keeps the reset flags (7.3.21) and the backup domain (7.1.3).
+            // A system reset keeps the reset flags (RM0090 7.3.21) and the backup domain (7.1.3).
             fresh.csr |= self.csr & 0xFE00_0000;
             fresh.bdcr = self.bdcr;
             fresh.ready_at[LSE] = self.ready_at[LSE];
@@ -232,7 +232,7 @@ impl Rcc {
         self.cir & self.cir >> 8 & 0x7F != 0
     }
 
-    /// The NMI of the clock security system (7.2.7).
+    /// The NMI of the clock security system (RM0090 7.2.7).
     pub(crate) fn nmi(&self) -> bool {
         self.cir & CSSF != 0
     }
@@ -254,7 +254,7 @@ impl Rcc {
             0 => self.cr & HSIRDY != 0,
             1 => self.cr & HSERDY != 0,
             2 => self.cr & PLLRDY != 0,
-            // The value SW = 3 is "not allowed" (7.3.3) and is ignored.
+            // The value SW = 3 is "not allowed" (RM0090 7.3.3) and is ignored.
             _ => false,
         };
         if ready {

@@ -4,7 +4,7 @@
 use super::*;
 
 impl Rcc {
-    /// Starts LSI for the independent watchdog, which keeps it on (21.3).
+    /// Starts LSI for the independent watchdog, which keeps it on (RM0090 21.3).
     pub(crate) fn force_lsi(&mut self, now: Cycle) {
         self.lsi_forced = true;
         if self.csr & LSIRDY == 0 && self.ready_at[LSI] == NEVER {
@@ -95,7 +95,8 @@ impl Rcc {
             let by_hse = self.system == 1 || self.system == 2 && self.pllcfgr & PLLSRC != 0;
             self.cr &= !(HSEON | HSERDY);
             if by_hse {
-                // The system switches to HSI (7.2.7). The PLL is switched off if HSE drives it and the system uses it.
+                // The system switches to HSI (RM0090 7.2.7). The PLL is switched off if HSE drives it and the system
+                // uses it.
                 self.cr |= HSION | HSIRDY;
                 if self.system == 2 {
                     self.cr &= !(PLLON | PLLRDY);

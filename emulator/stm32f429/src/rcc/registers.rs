@@ -67,7 +67,7 @@ impl Rcc {
                 let mut new = merged(self.cr) & WRITABLE | self.cr & READY;
                 let by_pll = self.system == 2;
                 let by_hse = self.system == 1 || by_pll && self.pllcfgr & PLLSRC != 0;
-                // 7.3.1: the system's clock source cannot be switched off.
+                // RM0090 7.3.1: the system's clock source cannot be switched off.
                 let held = match (by_pll, by_hse) {
                     (true, true) => PLLON | HSEON,
                     (true, false) => PLLON | HSION,

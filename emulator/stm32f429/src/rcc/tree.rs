@@ -82,8 +82,8 @@ impl Rcc {
         };
         let apb = |code: u32| if code & 4 != 0 { 2_u32 << (code & 3) } else { 1 };
         let (pclk1, pclk2) = (apb(self.cfgr >> 10 & 7), apb(self.cfgr >> 13 & 7));
-        // 7.2: with TIMPRE the timers run at HCLK up to an APB divider of 4, else at 4 times PCLK. Without TIMPRE they
-        // run at HCLK for divider 1, else at 2 times PCLK.
+        // RM0090 7.2: with TIMPRE the timers run at HCLK up to an APB divider of 4, else at 4 times PCLK. Without
+        // TIMPRE they run at HCLK for divider 1, else at 2 times PCLK.
         let timer = |apb: u32| if self.dckcfgr >> 24 & 1 != 0 { apb.div_ceil(4) } else { apb.div_ceil(2) };
         let hclk = self.system_rate(self.system)?.scaled(1, ahb);
         if hclk.num == 0 {
@@ -102,8 +102,8 @@ impl Rcc {
         };
         let rtc = rtc.filter(|_| self.bdcr & RTCEN != 0);
         let q = u64::from(self.pllcfgr >> 24 & 0xF);
-        // 7.3.2 calls 0 and 1 wrong and does not state the output, but the RNG runs with 0. The model takes the slowest
-        // rate.
+        // RM0090 7.3.2 calls 0 and 1 wrong and does not state the output, but the RNG runs with 0. The model takes the
+        // slowest rate.
         let pll48_undefined = q < 2;
         let q = if pll48_undefined { 16 } else { q };
         let pll48 = self.vco(self.pllcfgr).filter(|_| self.cr & PLLRDY != 0).map(|vco| vco.scaled(1, q));

@@ -99,7 +99,7 @@ impl Spi {
             }
         }
         if self.sr & RXNE != 0 {
-            // The unread data stays, and the new data is lost (28.3.10).
+            // The unread data stays, and the new data is lost (RM0090 28.3.10).
             self.sr |= OVR;
             self.overrun_read = false;
         } else {

@@ -138,7 +138,7 @@ impl Spi {
         self.cr1 & (BIDIMODE | BIDIOE) == BIDIMODE | BIDIOE
     }
 
-    /// The slave select input (28.3.1). A pin that is not connected is low.
+    /// The slave select input (RM0090 28.3.1). A pin that is not connected is low.
     fn select_is_high(&self, cx: &Cx) -> bool {
         if self.cr1 & SSM != 0 { self.cr1 & SSI != 0 } else { cx.pads.input(self.signal(SpiPin::Nss)).unwrap_or(false) }
     }
@@ -174,7 +174,7 @@ impl Spi {
     fn write_cr1(&mut self, value: u32, cx: &mut Cx) {
         let mut value = value & 0xFFFF;
         if self.sr & MODF != 0 {
-            // Neither bit can be set before this write, which ends the clearing sequence.
+            // While MODF is set, SPE and MSTR cannot be set. This write of CR1 ends the sequence that clears MODF.
             value &= !(SPE | MSTR);
             if self.fault_read {
                 self.sr &= !MODF;
@@ -202,8 +202,8 @@ impl Spi {
         self.cr1 = value;
         self.check_mode_fault(cx);
         if before & !self.cr1 & SPE != 0 && busy && !(before & MSTR != 0 && self.receives_only()) {
-            // A receive-only mode may be stopped at the end of a frame (28.3.8). Other modes must not be stopped during
-            // a frame.
+            // A receive-only mode may be stopped at the end of a frame (RM0090 28.3.8). Other modes must not be stopped
+            // during a frame.
             if self.sr & MODF == 0 {
                 cx.find(FindingKind::Misuse, "disabled while a frame is under way: the frame is lost");
             }

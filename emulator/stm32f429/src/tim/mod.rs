@@ -353,7 +353,7 @@ impl Peripheral for Tim {
 
     fn trigger(&mut self, trigger: Trigger, cx: &mut Cx) {
         if trigger == Trigger::ClockFailure {
-            // BKE enables the break pin and the clock security system (17.4.18).
+            // BKE enables the break pin and the clock security system (RM0090 17.4.18).
             if self.kind.advanced && self.bdtr & BKE != 0 {
                 self.sync(cx.now);
                 self.bdtr &= !MOE;

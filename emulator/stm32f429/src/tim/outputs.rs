@@ -26,7 +26,7 @@ impl Tim {
         }
     }
 
-    /// Returns the dead time in core cycles (17.4.18). DTG counts steps of the clock that CKD divides.
+    /// Returns the dead time in core cycles (RM0090 17.4.18). DTG counts steps of the clock that CKD divides.
     fn dead_time(&self) -> u64 {
         let dtg = u64::from(self.bdtr & 0xFF);
         let steps = match dtg >> 5 {
@@ -81,8 +81,8 @@ impl Tim {
                 }
             }
             if self.kind.advanced && channel < 3 && bits & 4 != 0 {
-                // Table 95: the complementary output alone carries the reference. Together with its channel's output it
-                // carries the complement.
+                // RM0090 table 95: the complementary output alone carries the reference. Together with its channel's
+                // output it carries the complement.
                 let source = if bits & 1 != 0 { !reference } else { reference };
                 let active = source && !dead;
                 let level = if idle { self.cr2 >> (9 + 2 * channel) & 1 != 0 } else { active != (bits & 8 != 0) };

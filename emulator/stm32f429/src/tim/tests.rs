@@ -225,7 +225,7 @@ fn an_advanced_timer_drives_nothing_without_its_main_output_enable() {
     assert!(rig.out.outputs.is_empty());
     rig.write(BDTR, MOE);
     let driven: Vec<_> = rig.out.outputs.iter().map(|&(_, signal, level)| (signal, level)).collect();
-    // The counter is at 9 here.
+    // The outputs are enabled while the counter is at 9.
     let pins = [(TimPin::Ch1, false), (TimPin::Ch1N, true)];
     assert_eq!(driven, pins.map(|(pin, level)| (Signal::Tim(1, pin), Some(level))));
 }

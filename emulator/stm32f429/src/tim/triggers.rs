@@ -19,7 +19,7 @@ pub(super) const fn internal_triggers(number: u8) -> Option<[u8; 4]> {
 }
 
 impl Tim {
-    /// Handles a change on a line of an encoder (table 98, "Counting direction versus encoder signals").
+    /// Handles a change on a line of an encoder (RM0090 table 98, "Counting direction versus encoder signals").
     pub(super) fn encoder(&mut self, line: usize) {
         if self.cr1 & CEN == 0 {
             return;
@@ -114,7 +114,7 @@ impl Tim {
     pub(super) fn start(&mut self, now: Cycle) {
         if self.cr1 & CEN == 0 {
             self.cr1 |= CEN;
-            // The counter starts one timer clock after CEN is set (17.3.4). The prescaler keeps its count.
+            // The counter starts one timer clock after CEN is set (RM0090 17.3.4). The prescaler keeps its count.
             self.tick = self.ticks(now) + 1;
             self.trigger_enable();
         }

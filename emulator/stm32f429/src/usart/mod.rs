@@ -169,7 +169,7 @@ impl Usart {
 
     fn set_bit(&mut self) {
         let divider = if self.cr1 & OVER8 != 0 { (self.brr >> 4) * 8 + (self.brr & 7) } else { self.brr };
-        // A USARTDIV below 1.0 gives no clock (30.3.4).
+        // A USARTDIV below 1.0 gives no clock (RM0090 30.3.4).
         let least = if self.cr1 & OVER8 != 0 { 8 } else { 16 };
         self.bit = if divider < least { 0 } else { u64::from(divider) * u64::from(self.pclk) };
         self.bit_ps = 0;
@@ -204,7 +204,7 @@ impl Usart {
             let drives = sends && self.cr3 & HDSEL == 0;
             cx.output(Signal::Uart(self.number, UartPin::Tx), drives.then_some(true));
             if sends {
-                // The transmitter first sends an idle frame (30.3.2).
+                // The transmitter first sends an idle frame (RM0090 30.3.2).
                 self.sending = Some(Sending { data: None, ends: cx.now + self.frame_cycles() });
             } else if let Some(Sending { data: Some(_), .. }) = self.sending.take() {
                 cx.find(FindingKind::Misuse, "the transmitter was disabled while it sent: the frame is lost");

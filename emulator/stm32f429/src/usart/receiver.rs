@@ -11,7 +11,8 @@ impl Wave {
     /// Returns the first falling edge at or after `from`.
     fn falling(&self, from: Cycle) -> Option<Cycle> {
         let mut edges = !self.levels & (self.levels << 1 | 1);
-        // Most calls want the first edge, or come after the end of the frame. The short computation handles both.
+        // Most calls ask for the first edge, or for an edge after the frame's end. Both are answered here without the
+        // loop.
         let at = |index: u32| self.begins + (u64::from(index) * self.bit).div_ceil(1 << FRACTION);
         if edges == 0 || at(31 - edges.leading_zeros()) < from {
             return None;

@@ -15,7 +15,7 @@ fn rig() -> Rig<Usart> {
     rig.connect(Signal::Uart(4, UartPin::Tx), 0, 0);
     rig.write(BRR, 139);
     rig.write(CR1, UE | RE | TE);
-    // The idle frame that TE sends ends here.
+    // After 1390 cycles the idle frame that TE sends has ended.
     rig.run(1390);
     rig
 }

@@ -69,7 +69,7 @@ pub struct Report {
     /// its own receiver. Values that are not valid are NaN.
     pub position: Option<ReportedValues>,
     /// HORUS's own status: its state, which includes an emergency, and the number of agreeing receivers. It is from the
-    /// same sample as the position and under the same rules, but also shown if the position is invalid.
+    /// same sample as the position and is shown under the same rules, but even if the position is invalid.
     pub status: Option<ReportedStatus>,
     /// An upper bound of the age of the last intact sample when the transaction began, µs; [`AGE_UNKNOWN`] if there is
     /// none. [`Report::position`], if any, is from this sample.

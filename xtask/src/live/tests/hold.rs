@@ -145,7 +145,7 @@ fn with_loss_each_command_is_done_once_or_shown_as_lost() {
             states.push((command, last["state"].as_str().unwrap().to_owned()));
             took.push(last["after_ms"].as_u64().unwrap());
         }
-        // At this point every command is known to be done or given up.
+        // Every command is known by now to be done or given up. A request from another site's page must be refused.
         let (status, _) = ask(page, "POST", "/hold?drone=1&command=lock", "Origin: http://example.org\r\n");
         assert_eq!(status, 403);
     });

@@ -129,8 +129,8 @@ fn truth_of_sum(nearest: f32, a: f64, b: f64) -> Truth {
     let order = if order == Ordering::Equal { error.partial_cmp(&0.0).unwrap() } else { order };
     let least = f64::from(f32::MIN_POSITIVE);
     let limit = 2.0_f64.powi(128);
-    // If the rounded sum equals `limit` or `least`, the sign of the rounding error tells on which side the exact sum
-    // lies.
+    // The rounded sum may equal `limit` or `least`. The sign of the rounding error then tells whether the exact sum is
+    // above or below.
     let inwards = error != 0.0 && (error > 0.0) != (value > 0.0);
     Truth {
         nearest,
@@ -400,8 +400,8 @@ fn conversions_of_random_numbers_to_half_precision_round_to_a_neighbour() {
         let flushed = flush(a, &mut fpscr);
         let x = f64::from(f32::from_bits(flushed & !SIGN));
         let alternative = before & AHP != 0;
-        // `top` is the code after the greatest finite number. It means infinity in the IEEE format and is out of range
-        // in the alternative one.
+        // `top` is the code after that of the greatest finite number: infinity in the IEEE format, out of range in the
+        // alternative one.
         let top: u16 = if alternative { 0x8000 } else { 0x7C00 };
         let magnitude = |half: u16| if half == 0x8000 { 131_072.0 } else { half_magnitude(half) };
         let (mut below, mut above) = (0, top);
