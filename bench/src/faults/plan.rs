@@ -627,7 +627,8 @@ mod tests {
         for seed in 1..4 {
             // The hold never sends undisturbed beside a hostile one, and glitches of the DPR's SPI fill the little time
             // in which all other kinds leave the DPR alone.
-            let most: Vec<Kind> = Kind::ALL.into_iter().filter(|kind| !matches!(kind, Kind::Hostile | Kind::Spi)).collect();
+            let most: Vec<Kind> =
+                Kind::ALL.into_iter().filter(|kind| !matches!(kind, Kind::Hostile | Kind::Spi)).collect();
             let (alone, all) = (judged(&[Kind::Hold], seed), judged(&most, seed));
             let is_at_least =
                 |shares: [u64; 3], least: [u64; 3]| shares.iter().zip(least).all(|(it, least)| *it >= least);
