@@ -30,11 +30,13 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
-use bench::faults::{Board, Kind, Options};
+use bench::campaign::{self, Options, Scope, Shard};
+use bench::faults::Kind;
 use bench::sim::coverage::{Records, run};
 use bench::sim::{Images, Setup};
 use clap::Args;
 use cortex_m4::coverage::Record;
+use emulator_node::Clock;
 
 use crate::output::Output;
 use crate::workspace::{root, tracked};
@@ -48,8 +50,8 @@ use source::{Place, Source};
 /// The page with the totals.
 const PAGE: &str = "docs/safety/coverage.md";
 
-/// How long a copy of the bench runs after an upset, ns. The watchdogs reset a board within 200 ms.
-const AFTER_UPSET: u64 = 400_000_000;
+/// The least number of cycles of a trial with an upset (`bench::campaign`).
+const CYCLES_OF_AN_UPSET: u64 = 40;
 
 #[derive(Args)]
 pub(crate) struct CoverageArgs {
@@ -170,7 +172,8 @@ fn fly_with(args: &CoverageArgs, setup: Setup, records: &Records, crcs: runs::Pr
     let duration_ns = (args.seconds * 1e9).round() as u64;
     let with = if setup.hold.is_some() { "with hold" } else { "without hold" };
     let kinds = args.faults.clone().unwrap_or_else(|| Kind::ALL.to_vec());
-    let kinds: Vec<Kind> = kinds.into_iter().filter(|kind| *kind != Kind::Hold || setup.hold.is_some()).collect();
+    let kinds: Vec<Kind> =
+        kinds.into_iter().filter(|kind| !matches!(kind, Kind::Hold | Kind::Hostile) || setup.hold.is_some()).collect();
     let crcs = args.faults.is_none().then_some(crcs);
     for Run { name, faults, duration_ns, factory_settings, judged } in
         runs::runs(&kinds, setup.gps, setup.seed, duration_ns, crcs)
@@ -190,17 +193,18 @@ fn fly_with(args: &CoverageArgs, setup: Setup, records: &Records, crcs: runs::Pr
     }
     let upsets: Vec<Kind> = kinds.into_iter().filter(|kind| kind.is_upset()).collect();
     if !upsets.is_empty() && args.upsets > 0 {
-        let options = Options {
+        let scope = Scope {
             kinds: upsets,
-            boards: vec![Board::Horus, Board::Dpr],
-            count: args.upsets,
-            per_instant: 12,
-            between: (300_000_000, duration_ns.max(400_000_000)),
-            for_ns: AFTER_UPSET,
             seed: setup.seed,
+            gps: setup.gps,
+            clock: Clock::Fast,
+            bit_error: 0.0,
+            seconds: args.seconds.ceil() as u64,
         };
-        let campaign = bench::sim::coverage::campaign(&Setup { duration_ns, ..setup }, &options, records)?;
-        eprintln!("{with}: {} upsets", campaign.trials.len());
+        let cycles = CYCLES_OF_AN_UPSET * args.upsets as u64;
+        let options = Options { scope, cycles, jobs: 2, shard: Shard::WHOLE };
+        let tally = campaign::run(&Setup { clock: Clock::Fast, ..setup }, &options, Some(records), |_| ())?;
+        eprintln!("{with}: {} upsets", tally.sum().injected());
     }
     Ok(())
 }

@@ -28,6 +28,7 @@ use emulator_node::{Clock, Threads};
 use rayon::prelude::*;
 
 use crate::faults::Faults;
+use crate::sim::coverage::Records;
 use crate::sim::{self, Bench, Setup};
 use trial::Begun;
 
@@ -72,14 +73,19 @@ pub enum Error {
 }
 
 /// Runs the campaign on a link of `setup`, whose faults, length and outputs are ignored. Calls `done` with the cycles
-/// of each trial that has ended.
+/// of each trial that has ended. Notes in `records`, if there are any, what the boards of all trials execute.
 ///
 /// # Errors
 ///
 /// The bench cannot begin, or the run without a fault is not one to compare with.
-pub fn run(setup: &Setup, options: &Options, done: impl Fn(u64) + Sync) -> Result<Tally, Error> {
+pub fn run(
+    setup: &Setup,
+    options: &Options,
+    records: Option<&Records>,
+    done: impl Fn(u64) + Sync,
+) -> Result<Tally, Error> {
     let plans = Plan::all(&options.scope, options.cycles).filter(|plan| options.shard.has(plan.number));
-    let trials = trials(setup, options, plans.collect(), done)?;
+    let trials = trials(setup, options, records, plans.collect(), done)?;
     Ok(Tally::of(&options.scope, options.cycles, options.shard, &trials))
 }
 
@@ -90,20 +96,27 @@ pub fn run(setup: &Setup, options: &Options, done: impl Fn(u64) + Sync) -> Resul
 /// As those of [`run`].
 pub fn repeat(setup: &Setup, options: &Options, number: u64) -> Result<Trial, Error> {
     let plan = Plan::new(&options.scope, number);
-    Ok(trials(setup, options, vec![plan], |_| ())?.remove(0))
+    Ok(trials(setup, options, None, vec![plan], |_| ())?.remove(0))
 }
 
-fn trials(setup: &Setup, options: &Options, plans: Vec<Plan>, done: impl Fn(u64) + Sync) -> Result<Vec<Trial>, Error> {
+fn trials(
+    setup: &Setup,
+    options: &Options,
+    records: Option<&Records>,
+    plans: Vec<Plan>,
+    done: impl Fn(u64) + Sync,
+) -> Result<Vec<Trial>, Error> {
     match setup.clock {
-        Clock::Fast => trials_on::<Fast>(setup, options, plans, done),
-        Clock::Optimistic => trials_on::<Optimistic>(setup, options, plans, done),
-        Clock::Pessimistic => trials_on::<Pessimistic>(setup, options, plans, done),
+        Clock::Fast => trials_on::<Fast>(setup, options, records, plans, done),
+        Clock::Optimistic => trials_on::<Optimistic>(setup, options, records, plans, done),
+        Clock::Pessimistic => trials_on::<Pessimistic>(setup, options, records, plans, done),
     }
 }
 
 fn trials_on<C: Cost>(
     setup: &Setup,
     options: &Options,
+    records: Option<&Records>,
     mut plans: Vec<Plan>,
     done: impl Fn(u64) + Sync,
 ) -> Result<Vec<Trial>, Error> {
@@ -121,6 +134,9 @@ fn trials_on<C: Cost>(
     let threads = if options.jobs > 1 { Threads::Two } else { Threads::One };
     let reference = reference::<C>(&setup, last, threads)?;
     let mut base = Bench::<C>::new(&setup)?;
+    if let Some(records) = records {
+        base.set_records(records);
+    }
     // The bridge calls this on one thread at a time and in the order of the instants, since a bench cannot go back.
     let begun = plans.into_iter().map(|plan| {
         base.run_to(plan.at, Threads::One);

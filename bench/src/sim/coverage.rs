@@ -7,7 +7,6 @@ use cortex_m4::coverage::Record;
 use cortex_m4::{Cost, Fast};
 
 use super::{Bench, Error, Setup};
-use crate::faults::{Campaign, Options};
 
 /// The records of one pair of images, or of three with a hold. Several runs may share them.
 #[derive(Clone, Debug)]
@@ -42,16 +41,4 @@ pub fn run(setup: &Setup, records: &Records) -> Result<Verdict, Error> {
     bench.set_records(records);
     bench.run_to(setup.duration_ns, setup.threads);
     Ok(bench.finish(setup.duration_ns).verdict)
-}
-
-/// Tries upsets on copies of the bench, as [`super::campaign`] does on the fast clock, and notes in `records` what the
-/// boards of all copies execute.
-///
-/// # Errors
-///
-/// The errors are those of [`Bench::new`].
-pub fn campaign(setup: &Setup, options: &Options, records: &Records) -> Result<Campaign, Error> {
-    let mut bench: Bench<Fast> = Bench::new(setup)?;
-    bench.set_records(records);
-    Ok(Campaign::run(bench, options))
 }
