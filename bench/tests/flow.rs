@@ -55,7 +55,7 @@ fn spurious(gps: usize, clock: Clock, board: Board, task: u8, at: u64) -> Option
 
 // Shows SAFE-16.
 #[test]
-fn a_task_that_nothing_has_called_stops_its_board_or_finds_no_work() {
+fn an_uncalled_task_stops_its_board_or_finds_no_work() {
     let mut wrong = vec![];
     for board in [Board::Horus, Board::Dpr] {
         for task in 0..tasks_of(board).len() as u8 {

@@ -82,7 +82,7 @@ mod tests {
 
     // Shows SAFE-16.
     #[test]
-    fn a_task_was_called_once_for_any_number_of_calls_before_it_begins() {
+    fn a_task_finds_one_mark_for_any_number_of_calls() {
         let calls = Calls::new();
         assert!(!calls.take(Two::Scrub, || false));
         calls.make(Two::Scrub);
@@ -94,8 +94,8 @@ mod tests {
 
     /// A task that is called at any instant of its beginning finds a mark in each of its runs.
     #[test]
-    fn a_call_while_the_task_begins_leaves_a_mark_for_the_next_run() {
-        // The task is called while it begins: before it takes its mark, or between that and the query of its interrupt.
+    fn a_call_while_the_task_begins_marks_its_next_run() {
+        // The call comes before the mark is read, or between that and the look at the interrupt.
         let calls = Calls::new();
         calls.make(Two::Port);
         calls.make(Two::Port);

@@ -8,10 +8,10 @@
 //!
 //! A firmware lists the *steps* of its cycle in their order ([`Step::TABLE`]). Each step has a counter of its runs.
 //! When a step begins, each step that has to come before it has run once more than the step itself; one that stands
-//! later in the table belongs to the cycle before, and has run as often. A step that a timer calls also has a *time*: so
-//! long after the last such step it is due, and it may begin neither early nor late by more than a bound. The time comes
-//! from a counter that does not depend on that timer. It is counted from when the step before was due, so that neither
-//! a late interrupt nor a timer that is a little wrong passes unseen for long.
+//! later in the table belongs to the cycle before, and has run as often. A step that a timer calls also has a *time*:
+//! it is due so long after the last such step was due, and may begin neither early nor late by more than a bound. The
+//! time comes from a counter that does not depend on that timer. Since it counts from when the step before was due, and
+//! not from when that began, a timer that is a little wrong is found after some cycles.
 //!
 //! Only the task of a step writes the step's counter, so no lock is needed, and the check takes the same time whatever
 //! it finds. A firmware that learns of a wrong step stops at once: it enters its safe state, in which nothing feeds the
@@ -163,7 +163,7 @@ mod tests {
 
     // Shows SAFE-16.
     #[test]
-    fn a_step_that_is_left_out_makes_the_next_one_out_of_order() {
+    fn the_step_after_one_left_out_is_out_of_order() {
         let cycle = |base: u32| ALL.into_iter().zip([base, base + 1, base + 30, base + 31]);
         for left_out in ALL {
             let steps: Vec<_> = cycle(0).filter(|(step, _)| *step != left_out).chain(cycle(100)).collect();
@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn a_timer_that_is_a_count_too_slow_is_found_after_ten_cycles() {
+    fn a_timer_one_count_too_slow_is_found_after_ten_cycles() {
         let mut steps = vec![];
         for cycle in 0..20 {
             steps.extend(ALL.into_iter().zip([0, 1, 30, 31]).map(|(step, after)| (step, 101 * cycle + after)));

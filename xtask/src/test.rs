@@ -155,8 +155,8 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
     Ok(steps.verdict("test"))
 }
 
-/// Runs the defmt-test suite of one image: on the bench with `clock`, for which the suite is built because its bounds depend
-/// on the clock, or on the real board without a clock. `runner` is the path of this program.
+/// Runs the defmt-test suite of one image: on the bench with `clock`, for which the suite is built because its bounds
+/// depend on the clock, or on the real board without a clock. `runner` is the path of this program.
 fn on_target(runner: &Path, suite: Image, clock: Option<Clock>, probe: &ProbeArgs) -> Result<()> {
     crate::workspace::install(&crate::workspace::FLIP_LINK)?;
     let runner = runner.to_str().with_context(|| format!("{} is not Unicode", runner.display()))?;
