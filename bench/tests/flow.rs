@@ -135,7 +135,7 @@ const HOLD_TIMER_CHANGES: [(&str, u32, u32); 3] =
 // Shows SAFE-16.
 #[test]
 fn the_hold_stops_when_its_cycle_runs_out_of_order_or_time() {
-    let Some(mut hold) = boards::hold() else { return };
+    let Some(mut hold) = boards::hold(1) else { return };
     // The timer's count is below the beat's earlier compare value, which it would otherwise never meet.
     assert!(!restarts_within(&mut hold, 225 * MS));
     let line = |vector| Nrf52840::exception(vector).unwrap() - 16;

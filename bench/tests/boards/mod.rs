@@ -83,12 +83,6 @@ pub(crate) fn horus_part<C: Cost>(part: Stm32f429) -> Option<Node<Horus, C>> {
     Some(Node::new(part, Horus::new(chip(), 3, false), &image).unwrap())
 }
 
-/// The hold's board, alone; `None` if the firmware was not built.
-pub(crate) fn hold() -> Option<Node<Hold>> {
-    let image = Firmware::read(&hold_image()?).unwrap();
-    Some(Node::new(Nrf52840::new(Settings::default()), Hold::new(chip(), 1), &image).unwrap())
-}
-
 /// The hold's board without a DPR, whose payload is drawn from `seed`; `None` if the firmware was not built.
 pub(crate) fn hold(seed: u64) -> Option<Node<Hold>> {
     let image = Firmware::read(&hold_image()?).unwrap();
