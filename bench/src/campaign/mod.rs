@@ -20,6 +20,7 @@
 
 mod bound;
 mod class;
+mod scope;
 mod tally;
 mod trial;
 
@@ -34,7 +35,8 @@ use trial::Begun;
 
 pub use bound::clopper_pearson;
 pub use class::{Class, Reading};
-pub use tally::{Counts, MergeError, Scope, Shard, Tally};
+pub use scope::Scope;
+pub use tally::{Counts, MergeError, Shard, Tally};
 
 pub use trial::{CYCLE, Plan, Trial};
 

@@ -3,41 +3,12 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
-use emulator_node::Clock;
 use serde::{Deserialize, Serialize};
 
 use super::bound::clopper_pearson;
 use super::class::Class;
+use super::scope::Scope;
 use super::trial::Trial;
-use crate::faults::Kind;
-
-/// What determines the trials of a campaign, apart from the firmwares.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Scope {
-    /// The kinds of fault, which the trials use in turn.
-    pub kinds: Vec<Kind>,
-    /// The seed of the flight and of all faults.
-    pub seed: u64,
-    /// The number of receivers.
-    pub gps: usize,
-    /// The clock that determines how long instructions take.
-    pub clock: Clock,
-    /// The bit error rate of the faults of [`Kind::Bits`].
-    pub bit_error: f64,
-    /// The time, s, from which the instants of the faults are drawn; it begins when both boards have started.
-    pub seconds: u64,
-}
-
-impl fmt::Display for Scope {
-    /// Writes the options of the command line that give this scope.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { seed, gps, clock, bit_error, seconds, .. } = self;
-        let kinds: Vec<&str> = self.kinds.iter().map(|kind| kind.word()).collect();
-        let kinds = kinds.join(",");
-        write!(f, "--seed {seed} --gps {gps} --clock {clock} --seconds {seconds} --kinds {kinds}")?;
-        write!(f, " --bit-error-rate {bit_error}")
-    }
-}
 
 /// A part of a campaign: every `of`-th trial, from the `part`-th on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -278,7 +249,10 @@ impl fmt::Display for Tally {
 
 #[cfg(test)]
 mod tests {
+    use emulator_node::Clock;
+
     use super::*;
+    use crate::faults::Kind;
 
     fn scope() -> Scope {
         Scope { kinds: vec![Kind::Air, Kind::Ram], seed: 7, gps: 3, clock: Clock::Fast, bit_error: 1e-4, seconds: 20 }

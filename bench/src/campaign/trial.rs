@@ -5,7 +5,7 @@ use cortex_m4::Cost;
 use emulator_node::Threads;
 
 use super::class::{self, Class, Reading};
-use super::tally::Scope;
+use super::scope::Scope;
 use crate::faults::plan::LENGTH;
 use crate::faults::{AirFaults, Fault, Faults, Kind, Rng, Upset, name_of};
 use crate::sim::Bench;
