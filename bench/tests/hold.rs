@@ -109,7 +109,8 @@ fn no_fault_of_the_hold_moves_a_figure_of_horus() {
         let finished = run::<Fast>(&Setup { faults, ..quiet.clone() }, Threads::Two);
         assert_eq!(words(&finished), [""; 0], "{name}");
         let found = of_horus(&finished.report);
-        if found.iter().zip(expected).any(|(found, expected)| found.abs_diff(expected) * 100 > expected) {
+        // The DPR without a hold is another image, in which the same code may be compiled to a few cycles more.
+        if found.iter().zip(expected).any(|(found, expected)| found.saturating_sub(expected) * 100 > expected) {
             moved.push((name.clone(), found));
         }
         seen.push(name);

@@ -82,10 +82,10 @@ table! {
         setup: |setup| setup.crystals.horus_ppb = 25_000_000,
         ..Row::new(Violation::TickIrregular, Faults::none)
     };
-    // The task that fills a cycle's objects does nothing for 35 ms.
-    the_cycles_task_is_dead => Row {
+    // The task of the SPI's transfers does nothing for 35 ms, so no frame is loaded.
+    the_transfers_task_is_dead => Row {
         also: Some(Violation::HorusComplains),
-        ..Row::new(Violation::NoFrame, || image(ImageFault::Dead("CAN1_RX0".into()), 35 * MS))
+        ..Row::new(Violation::NoFrame, || image(ImageFault::Dead("DMA2_STREAM0".into()), 35 * MS))
     };
     a_command_that_is_given_again => Row {
         gps: 1,

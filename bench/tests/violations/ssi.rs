@@ -19,6 +19,8 @@ const TIMER2_CC2: u32 = 0x4000_A548;
 const TICKS_PER_US: u32 = 72;
 /// The instant at which HORUS sends the second frame of five receivers, µs after its tick.
 const SECOND_SLOT_US: u32 = 4_130;
+/// The counts per microsecond by which HORUS checks its slots: SysTick has 18 MHz, in the upper 24 bits of a word.
+const SYSTICK_COUNTS_PER_US: u32 = 18 << 8;
 
 fn wire(at: u64, ns: u64, fault: WireFault) -> Faults {
     Faults::none().with(at, at + ns, Fault::Wire(fault))
@@ -92,11 +94,19 @@ table! {
     a_second_frame_in_a_late_slot_makes_its_sample_late => Row {
         gps: 5,
         ..Row::new(Violation::LateSample, || {
-            let late = ImageFault::Constant {
-                of: SECOND_SLOT_US * TICKS_PER_US,
-                value: (SECOND_SLOT_US + 2_230) * TICKS_PER_US,
-            };
-            Faults::none().with(0, u64::MAX, Fault::Image(Board::Horus, late))
+            // The firmware checks its slots by SysTick, so the times that it expects are changed as well. The compiler
+            // adds each in two parts: 4010 µs from slot to slot, and 5870 µs from there to the tick.
+            [
+                (SECOND_SLOT_US * TICKS_PER_US, (SECOND_SLOT_US + 2_230) * TICKS_PER_US),
+                (4_010 * SYSTICK_COUNTS_PER_US - 0x1_F400, 6_240 * SYSTICK_COUNTS_PER_US - 0xC000),
+                (0x1_F400, 0xC000),
+                (5_870 * SYSTICK_COUNTS_PER_US - 0xBC00, 3_640 * SYSTICK_COUNTS_PER_US - 0xF000),
+                (0xBC00, 0xF000),
+            ]
+            .into_iter()
+            .fold(Faults::none(), |faults, (of, value)| {
+                faults.with(0, u64::MAX, Fault::Image(Board::Horus, ImageFault::Constant { of, value }))
+            })
         })
     };
     // A frame is lost. At its deadline the DPR takes the buffers by itself, and no transaction reads the image.
