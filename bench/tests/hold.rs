@@ -159,7 +159,10 @@ fn the_ports_tasks_check_in_while_the_port_rests() {
 
 /// The seed of a sag that takes the supply at once below the DPR's warning and not below its brown-out threshold.
 fn sag_at_once() -> u64 {
-    let is_one = |seed: &u64| matches!(shape(*seed)[..], [_, (0, uv), (after, _), ..] if after > MS && (1_700_000..2_500_000).contains(&uv));
+    let is_one = |seed: &u64| {
+        let sag = 1_700_000..2_500_000;
+        matches!(shape(*seed)[..], [_, (0, uv), (after, _), ..] if after > MS && sag.contains(&uv))
+    };
     (0..).find(is_one).expect("a shape has a step in one of eight")
 }
 

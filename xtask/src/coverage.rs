@@ -5,7 +5,7 @@
 //!
 //! | step | where |
 //! |---|---|
-//! | the bench runs the release images, and each core notes what it executes | `cortex_m4::coverage`, `bench::sim::coverage` |
+//! | the bench runs the release images, and each core notes what it executes | `coverage` of `cortex_m4` and `bench` |
 //! | the image's instructions are found without executing it | [`image`] |
 //! | the runs | [`runs`] |
 //! | what leads only to a panic is told apart, and so is the log | [`paths`], [`gaps`] |

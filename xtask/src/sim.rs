@@ -66,8 +66,8 @@ pub(crate) struct SimArgs {
     /// Draw the flight: ground track, height, each receiver, the voted position, exclusions, time to readable.
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
-    /// Faults to inject: a list of air, gnss, fc, power, buffers, inputs, hang, chips, hold, hostile (drawn into the run
-    /// from the seed), and of ram, flash, registers (each upset on a copy of the bench, see --upsets).
+    /// Faults to inject: a list of air, gnss, fc, power, buffers, inputs, hang, chips, hold, hostile (drawn into the
+    /// run from the seed), and of ram, flash, registers (each upset on a copy of the bench, see --upsets).
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     faults: Vec<Kind>,
     /// Flip every bit of every register of both front ends once, for both parts, each on a copy of the bench; with a

@@ -186,8 +186,8 @@ pub enum Memory {
 /// Something that would be a violation, and that the judge does not report while a disturbance excuses it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Excuse {
-    /// A transmit command may have no frame, a frame may be missing, break off or have another length, and HORUS's field
-    /// may drop.
+    /// A transmit command may have no frame, a frame may be missing, break off or have another length, and HORUS's
+    /// field may drop.
     Sending,
     /// HORUS may send objects, or lengths of frames, that are damaged.
     Damage,

@@ -50,7 +50,7 @@ pub enum Class {
     Masked,
     /// The flight controller read something else, but nothing invalid as valid, and has new positions at the end.
     Recovered,
-    /// As recovered, but at the end the flight controller has no position and its client says so.
+    /// The link did as in `Recovered`, but at the end the flight controller has no position and its client says so.
     Stopped,
     /// Invalid data were shown as valid, or the position stayed the same and nothing said so.
     Dangerous,

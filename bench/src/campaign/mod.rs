@@ -95,7 +95,7 @@ pub fn run(
 ///
 /// # Errors
 ///
-/// As those of [`run`].
+/// The errors are those of [`run`].
 pub fn repeat(setup: &Setup, options: &Options, number: u64) -> Result<Trial, Error> {
     let plan = Plan::new(&options.scope, number);
     Ok(trials(setup, options, None, vec![plan], |_| ())?.remove(0))

@@ -35,7 +35,8 @@ pub struct Payload {
     /// The vibration.
     pub vibration: Vibration,
     sht4x: Sht4x,
-    /// The bytes that the climate sensor has sent in the present transfer, and when it last sent a whole measurement, ns.
+    /// The bytes that the climate sensor has sent in the present transfer, and when it last sent a whole measurement,
+    /// ns.
     sent: Vec<u8>,
     measured: Option<u64>,
     lis3dh: Lis3dh,

@@ -31,8 +31,8 @@ impl<C: Cost> Debugged<C> {
         Self::begin(setup, Bench::new(setup)?)
     }
 
-    /// Returns the bench at power-on with these firmwares in place of the ELF files of `setup`. The event log is written
-    /// to `log`, as [`Setup::log`] would have it in a file.
+    /// Returns the bench at power-on with these firmwares in place of the ELF files of `setup`. The event log is
+    /// written to `log`, as [`Setup::log`] would have it in a file.
     ///
     /// # Errors
     ///

@@ -22,7 +22,7 @@ use emulator_part::Reset;
 use gnss_sim::ubx::NavPvt;
 use horus_tx_fw::telemetry::{Line, Telemetry as HorusTelemetry};
 use profile::{GpsObject, Identifier, ReportedPosition};
-use reader::{MS, US, View, field_on, payload, send, view};
+use reader::{MS, View, field_on, payload, send, view};
 use st25r3916_model::AirEvent;
 
 /// Returns a change that sets the bits of `mask` to `value` in every store to `address`.

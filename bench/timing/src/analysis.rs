@@ -168,7 +168,7 @@ mod tests {
 
     /// The same book's task set A: (50, 12), (40, 10), (30, 10), of which the first, least urgent, misses its deadline.
     #[test]
-    fn a_set_that_is_not_schedulable_has_a_bound_above_its_deadline_or_none() {
+    fn an_unschedulable_set_has_a_bound_above_its_deadline_or_none() {
         let above = [task(30, 10), task(40, 10)];
         assert_eq!(response(12, 0, None, &above, 50), None);
         assert_eq!(response(12, 0, None, &above, 60), Some(52));

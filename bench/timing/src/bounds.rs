@@ -168,8 +168,8 @@ fn response_of(stated: &Stated, figures: Option<&TaskFigures>) -> u64 {
     figures.and_then(|figures| figures.bound_ns).unwrap_or(2 * stated.deadline)
 }
 
-/// The longest execution that was seen, with entry and return. A task whose jobs have two rows does the other work first
-/// if that is still to be done.
+/// The longest execution that was seen, with entry and return. A task whose jobs have two rows does the other work
+/// first if that is still to be done.
 fn execution(table: &Table, seen: &BoardSeen, task: usize) -> u64 {
     let stated = &table.tasks[task];
     let is_first = |it: &&Stated| it.vector == stated.vector && it.together.is_none();
@@ -346,7 +346,8 @@ mod tests {
     #[test]
     fn each_thing_that_does_not_hold_is_a_fault() {
         let table = Table::hold();
-        let breaks: [(&str, fn(&mut BoardSeen)); 7] = [
+        type Break = fn(&mut BoardSeen);
+        let breaks: [(&str, Break); 7] = [
             ("above the deadline", |seen| seen.observations.tasks[0].body = 11_000),
             ("above the bound", |seen| seen.observations.tasks[0].response = 10_001),
             ("more than stated", |seen| seen.observations.tasks[0].most = 3),

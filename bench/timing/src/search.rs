@@ -158,12 +158,15 @@ impl BoardSeen {
     }
 }
 
+/// A board's table with what was seen of its tasks.
+pub type SeenTable = (Table, BoardSeen);
+
 /// Searches with all `runs`, on all cores. Returns each board's table with what was seen, and the violations.
 ///
 /// # Errors
 ///
 /// An ELF file cannot be loaded.
-pub fn search(runs: Vec<Run>) -> Result<(Vec<(Table, BoardSeen)>, Vec<String>), Error> {
+pub fn search(runs: Vec<Run>) -> Result<(Vec<SeenTable>, Vec<String>), Error> {
     let shown: Vec<(Run, Shown)> = runs
         .into_par_iter()
         .map(|run| {
@@ -226,7 +229,7 @@ impl Watch {
             let used = node.stack_touched(stack, GUARD);
             self.seen.stack = (self.seen.stack.0.max(used), stack.size());
         }
-        if reached % LOAD_WINDOW == 0 {
+        if reached.is_multiple_of(LOAD_WINDOW) {
             let usage = node.usage();
             let load = usage.since(std::mem::replace(&mut self.usage, usage)).load();
             // A start takes all of the processor for some 50 ms.

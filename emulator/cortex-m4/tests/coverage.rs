@@ -37,7 +37,8 @@ fn a_loop_goes_both_ways_and_what_it_skips_never_executes() {
 
 #[test]
 fn branches_that_go_one_way_only_are_told_apart() {
-    // movs r0, #0; cbz r0 over the next; nop; cbnz r0 over the next; nop; cmp r0, #0; beq over the next; nop; bne; stay.
+    // movs r0, #0; cbz r0 over the next; nop; cbnz r0 over the next; nop; cmp r0, #0; beq over the next; nop; bne;
+    // stay.
     let code = [0x2000, 0xB100, 0xBF00, 0xB900, 0xBF00, 0x2800, 0xD000, 0xBF00, 0xD100, STAY];
     let (seen, _) = seen(&code, 100);
     assert_eq!(seen, [RUN, TAKEN, NEVER, NOT_TAKEN, RUN, RUN, TAKEN, NEVER, NOT_TAKEN, RUN]);

@@ -190,7 +190,7 @@ impl Coverage {
 ///
 /// # Errors
 ///
-/// Not one instruction was executed. A run that does not run is no evidence.
+/// No instruction was executed. A run that does not run is no evidence.
 pub(super) fn coverage(
     image: &Image,
     record: &Record,

@@ -31,8 +31,8 @@ pub(super) fn doomed(image: &Image, panics: impl Fn(&str) -> bool) -> BTreeSet<u
     }
 }
 
-/// Whether `instruction` is doomed if the instructions in `doomed` are. `traps` tells that the one at `next` faults: the
-/// compiler puts that behind a call of a function that never returns, such as the one of the safe state.
+/// Whether `instruction` is doomed if the instructions in `doomed` are. `traps` tells that the one at `next` faults:
+/// the compiler puts that behind a call of a function that never returns, such as the one of the safe state.
 fn is_doomed(instruction: &Instruction, next: u32, traps: bool, doomed: &BTreeSet<u32>) -> bool {
     let is = |address: u32| doomed.contains(&(address & !1));
     // What an IT block skips is followed by the next instruction.
@@ -61,7 +61,7 @@ mod tests {
     }
 
     #[test]
-    fn the_check_of_an_index_is_not_doomed_and_what_it_leads_to_is() {
+    fn the_check_of_an_index_is_not_doomed_but_its_panic_is() {
         // cmp r0, #4; bhs to the fifth; ldrb r0, [r1, r0]; bx lr; movs r0, #4; udf.
         assert_eq!(doomed_of(&[0x2804, 0xD201, 0x5C08, 0x4770, 0x2004, 0xDE00]), [4, 5]);
     }

@@ -79,9 +79,11 @@ pub(super) fn summary(all: &[Measured], explained: &Explained) -> String {
 pub(super) fn page(command: &str, summary: &str) -> String {
     format!(
         "# Object-code coverage\n\n\
-         Which instructions of the release images the bench has executed, and which branches went both ways. Written by\n\n    \
+         Which instructions of the release images the bench has executed, and which branches went both ways.\n\
+         Written by\n\n    \
          {command}\n\n\
-         on the fast clock, which also lists each gap by function and source line. The runs: `xtask/src/coverage/runs.rs`.\n\
+         on the fast clock, which also lists each gap by function and source line.\n\
+         The runs: `xtask/src/coverage/runs.rs`.\n\
          The suites on the boards are other images and do not count. An instruction leads only to a panic if each path \
          from it\nends in one; those, and what formats the log, are counted by themselves. A branch has two outcomes, \
          without one that\nleads only to a panic; so has an instruction in an IT block, which is skipped or not. \

@@ -10,8 +10,8 @@
 //! | wrong flash | either board starts with a program that its CRC does not fit |
 //! | upsets | bits of RAM, flash and registers, each on a copy of the bench |
 //!
-//! The last three damage the firmware itself, so the judge's verdict on them is not asked for. In all others a violation
-//! makes the run worthless as evidence.
+//! The last three damage the firmware itself, so the judge's verdict on them is not asked for. In all others a
+//! violation makes the run worthless as evidence.
 
 use bench::faults::{Board, Fault, Faults, ImageFault, Kind, PowerFault, tasks_of};
 

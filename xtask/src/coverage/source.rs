@@ -123,8 +123,8 @@ mod tests {
 
     #[test]
     fn an_explanation_holds_to_the_end_of_what_stands_below_it() {
-        let text = "fn f() {\n    // Not covered: no test can.\n    // It would take a year.\n    if x {\n        y();\n    \
-                    }\n    z();\n    // Not covered: of the arm.\n    A => 1,\n}\n";
+        let text = "fn f() {\n    // Not covered: no test can.\n    // It takes a year.\n    if x {\n        y();\n\
+                    \x20   }\n    z();\n    // Not covered: of the arm.\n    A => 1,\n}\n";
         let explained = read(text).explained;
         assert_eq!(explained[0], Explanation { at: 2, lines: 4..=6 });
         assert_eq!(explained[1], Explanation { at: 8, lines: 9..=9 });

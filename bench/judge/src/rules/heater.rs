@@ -1,5 +1,5 @@
-//! Judges the heater of the active hold. Nothing excuses it: the limits hold whatever is commanded, disturbed or broken,
-//! because the hold's firmware keeps them by itself.
+//! Judges the heater of the active hold. Nothing excuses it: the limits hold whatever is commanded, disturbed or
+//! broken, because the hold's firmware keeps them by itself.
 //!
 //! | limit | derived from |
 //! |---|---|
@@ -18,8 +18,8 @@ const MS: u64 = 1_000_000;
 pub const MOST: u16 = 8_000 + 32;
 /// The temperature of the box, m°C, above which it may not be heated for longer than [`HOT_FOR`].
 ///
-/// The hold heats up to a measured 45 °C, and for [`BLIND`] after that measurement. A heater of 12 W brings 60 J/K up by
-/// 0.2 K/s at most, and the sensor is off by 0.3 K at most.
+/// The hold heats up to a measured 45 °C, and for [`BLIND`] after that measurement. A heater of 12 W brings 60 J/K up
+/// by 0.2 K/s at most, and the sensor is off by 0.3 K at most.
 pub const HOT: i32 = 46_500;
 /// How long the box has to have been hot, ns: two records of its temperature.
 pub const HOT_FOR: u64 = 200 * MS;
@@ -78,8 +78,8 @@ mod tests {
         What::Hold(HoldEvent::Payload { heater, cooler: 0, temperature, humidity: 40_000, heated, measured })
     }
 
-    /// Returns the instants, ms, at which the rule finds the first violation in these records, each 100 ms after the one
-    /// before, from a start of the hold at 50 ms on.
+    /// Returns the instants, ms, at which the rule finds the first violation in these records, each 100 ms after the
+    /// one before, from a start of the hold at 50 ms on.
     fn wrong(records: &[What]) -> Option<u64> {
         let mut events = Events::new(1);
         events.hold = true;

@@ -191,7 +191,7 @@ fn an_answer_has_each_writers_newest_stored_uplink() {
 }
 
 #[test]
-fn an_uplink_is_due_from_30_to_900_ms_and_right_for_a_second() {
+fn an_uplink_is_due_to_900_ms_and_right_for_a_second() {
     let of = |object: Vec<u8>, at| answers(2 * MS, [object, NOTHING()], &[(0, 1, at, true)]);
     let wrong = [Violation::HoldAnswer];
     assert_eq!((of(NOTHING(), 973), of(NOTHING(), 972)), (vec![], wrong.to_vec()));
