@@ -5,7 +5,7 @@
 //! |---|---|---|
 //! | `ssi_end` | a transaction has ended, a newer image was published, the image has expired | 95 µs |
 //! | `ssi_pause` | 95 µs after a transaction's end was handled: the next end may call `ssi_end` | 95 µs |
-//! | `rf_spi`, `rf_irq`, `rf_timer` | a transfer has ended, the front end's IRQ rises, a delay is over | 113 µs |
+//! | `rf_spi`, `rf_irq`, `rf_timer` | a transfer has ended, the front end's IRQ rises, a delay is over | 0.45 ms |
 //! | `commit`, `deadline` | a frame is in its buffer; no frame for 12.5 ms | 0.45 ms |
 //! | `scrub` | a buffer was read | 10 ms |
 //! | `port` | a transaction has brought bytes; an image was published | 10 ms |
@@ -16,7 +16,9 @@
 //! attributes. The longest times have these reasons:
 //!
 //! - `ssi_*`: 95 µs after one call the next can come. The buffers are released within 10 µs (docs/timing.md#sums).
-//! - `rf_*`: in 113 µs the air brings six bytes, and the front end's FIFO holds them.
+//! - `rf_*`: the front end's FIFO has 512 bytes and holds a whole frame, so it has to be read when the next frame's
+//!   bytes come, 0.45 ms after a frame's end at the earliest. That an image is readable 0.1 ms after that end is a sum
+//!   over several tasks (docs/timing.md#sums).
 //! - `commit`: the next frame's bytes come 0.45 ms after a frame's end at the earliest. The image is readable 0.1 ms
 //!   after that end (docs/timing.md#sums).
 //! - `scrub`, `port`: the next frame needs the buffer, and the next image the prepared area, after 10 ms.

@@ -117,7 +117,7 @@ const ALIVE: &str = "a call a cycle to check in";
 const CHARACTERS: &str = "a character at 460 800 bit/s; one message of settings at a time";
 const RELEASED: &str =
     "before it can be called again; its 10 µs to the release of the buffers are a sum (see the sums)";
-const FIFO: &str = "six bytes on the air, which the FIFO holds";
+const FIFO: &str = "the next frame's first bytes: the FIFO holds a whole frame";
 const ANSWER: &str = "an answer begins 0.2 ms after the frame at the earliest";
 const SPI_END: &str = "the end of an SPI transfer of at least two bytes";
 
@@ -173,9 +173,9 @@ const DPR: &[Row] = &[
         "an end in 95 µs (design.md#ssi), and a publication",
     ),
     ("ssi_pause", 6, Group::Ssi, PAUSE, RELEASED, (1, PAUSE, PAUSE), "design.md#ssi"),
-    ("rf_spi", 5, Group::Cycle, 113 * US, FIFO, (64, CYCLE, 3 * US), SPI_END),
-    ("rf_irq", 5, Group::Cycle, 113 * US, FIFO, (8, CYCLE, 20 * US), "the chip's interrupts"),
-    ("rf_timer", 5, Group::Cycle, 113 * US, FIFO, (16, CYCLE, 20 * US), "the driver's waits"),
+    ("rf_spi", 5, Group::Cycle, 450 * US, FIFO, (64, CYCLE, 3 * US), SPI_END),
+    ("rf_irq", 5, Group::Cycle, 450 * US, FIFO, (8, CYCLE, 20 * US), "the chip's interrupts"),
+    ("rf_timer", 5, Group::Cycle, 450 * US, FIFO, (16, CYCLE, 20 * US), "the driver's waits"),
     (
         "commit",
         4,
