@@ -337,7 +337,9 @@ impl Hold {
     }
 
     fn heard(&mut self, at: u64, frame: &HoldFrame) {
-        let payload = payload(frame).unwrap_or_default().to_vec();
+        // The object has a CRC of its own, so the DPR may take it from a frame whose length byte is damaged.
+        let end = frame.bytes.len().saturating_sub(2);
+        let payload = frame.bytes.get(1..end).filter(|_| frame.whole).unwrap_or_default().to_vec();
         let object = HoldObject::verify(&payload).ok().map(HoldObject::timestamp);
         let is_new = object.is_some() && object != self.accepted.map(|(_, timestamp)| timestamp);
         self.frames.push_back(Arrived { at, payload, is_new, answered: false, shown: false });

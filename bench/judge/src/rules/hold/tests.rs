@@ -125,6 +125,25 @@ fn after_its_start_the_dpr_takes_an_object_that_it_had_before() {
     assert_eq!(after(false), [Violation::HoldShown, Violation::HoldAnswer], "a repetition");
 }
 
+/// Returns the violations of an exchange whose frame has bit 3 of byte `damaged` inverted at the DPR's antenna, and whose
+/// object the DPR shows as it was sent.
+fn shown_from_damaged(damaged: usize) -> Vec<Violation> {
+    let mut events = run();
+    let mut heard = frame(200 * MS, &status(200));
+    heard.bytes.0[damaged] ^= 8;
+    events.add(201 * MS, What::Hold(HoldEvent::Heard(heard)));
+    let answer = frame(203 * MS, &[0; Answer::SIZE]);
+    events.add(205 * MS, What::Hold(HoldEvent::Answered(answer)));
+    read(&mut events, 220 * MS, &status(200));
+    violations(&events)
+}
+
+#[test]
+fn the_dpr_may_take_an_intact_object_behind_a_damaged_length_byte() {
+    assert_eq!(shown_from_damaged(0), []);
+    assert_eq!(shown_from_damaged(20), [Violation::HoldShown, Violation::HoldAnswer]);
+}
+
 #[test]
 fn what_came_before_the_dprs_start_is_not_shown_after_it() {
     let mut events = run();
