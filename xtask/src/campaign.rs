@@ -112,10 +112,10 @@ fn merged(parts: &[PathBuf]) -> Result<Tally> {
 
 fn run(args: &CampaignArgs) -> Result<ExitCode> {
     // A hold is not part of a campaign. It has tests and `sim --hold --faults hold` of its own.
-    if args.kinds.iter().any(needs_hold) {
-        bail!("--kinds hold: there is no hold in a campaign; `cargo xtask sim --hold --faults hold` has one");
+    if let Some(kind) = args.kinds.iter().find(|kind| kind.needs_hold()) {
+        bail!("--kinds {kind}: there is no hold in a campaign; `cargo xtask sim --hold --faults {kind}` has one");
     }
-    let wanted = |kind: &Kind| !needs_hold(kind) && (args.kinds.is_empty() || args.kinds.contains(kind));
+    let wanted = |kind: &Kind| !kind.needs_hold() && (args.kinds.is_empty() || args.kinds.contains(kind));
     let kinds = Kind::ALL.into_iter().filter(wanted).collect();
     let scope = Scope {
         kinds,
@@ -186,9 +186,4 @@ fn to_page(tally: &Tally) -> String {
         text += &format!("- {words}; repeated by `--trial {number}` in place of `--cycles {cycles}`\n");
     }
     text
-}
-
-/// Whether a kind of fault acts on an active hold, which a campaign does not have.
-fn needs_hold(kind: &Kind) -> bool {
-    matches!(kind, Kind::Hold | Kind::Hostile)
 }

@@ -172,8 +172,7 @@ fn fly_with(args: &CoverageArgs, setup: Setup, records: &Records, crcs: runs::Pr
     let duration_ns = (args.seconds * 1e9).round() as u64;
     let with = if setup.hold.is_some() { "with hold" } else { "without hold" };
     let kinds = args.faults.clone().unwrap_or_else(|| Kind::ALL.to_vec());
-    let kinds: Vec<Kind> =
-        kinds.into_iter().filter(|kind| !matches!(kind, Kind::Hold | Kind::Hostile) || setup.hold.is_some()).collect();
+    let kinds: Vec<Kind> = kinds.into_iter().filter(|kind| !kind.needs_hold() || setup.hold.is_some()).collect();
     let crcs = args.faults.is_none().then_some(crcs);
     for Run { name, faults, duration_ns, factory_settings, judged } in
         runs::runs(&kinds, setup.gps, setup.seed, duration_ns, crcs)

@@ -277,7 +277,7 @@ pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result
 
 /// Fails if faults of a hold are to be drawn into a run without one.
 pub(crate) fn needs_hold(faults: &[Kind], hold: bool) -> Result<()> {
-    if let Some(kind) = faults.iter().find(|kind| matches!(kind, Kind::Hold | Kind::Hostile))
+    if let Some(kind) = faults.iter().find(|kind| kind.needs_hold())
         && !hold
     {
         bail!("--faults {kind}: there is none without --hold");

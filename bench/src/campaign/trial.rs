@@ -250,7 +250,7 @@ mod tests {
 
     #[test]
     fn faults_begin_at_the_copy_and_end_before_the_trial_does() {
-        let kinds: Vec<Kind> = Kind::ALL.into_iter().filter(|kind| *kind != Kind::Hold).collect();
+        let kinds: Vec<Kind> = Kind::ALL.into_iter().filter(|kind| !kind.needs_hold()).collect();
         for plan in Plan::all(&scope(&kinds), 30_000) {
             let end = plan.at + plan.cycles * CYCLE;
             assert!((super::super::EARLIEST..=20_500_000_000).contains(&plan.at), "{plan:?}");

@@ -165,6 +165,12 @@ impl Kind {
     pub const fn is_upset(self) -> bool {
         matches!(self, Self::Ram | Self::Flash | Self::Registers | Self::Peripherals)
     }
+
+    /// Whether the kind acts on an active hold, so that it does nothing on a bench without one.
+    #[must_use]
+    pub const fn needs_hold(self) -> bool {
+        matches!(self, Self::Hold | Self::Hostile)
+    }
 }
 
 impl fmt::Display for Kind {

@@ -174,7 +174,7 @@ pub fn search(runs: Vec<Run>) -> Result<(Vec<SeenTable>, Vec<String>), Error> {
             Ok((run, shown))
         })
         .collect::<Result<_, Error>>()?;
-    let mut boards: Vec<(Table, BoardSeen)> = vec![];
+    let mut boards: Vec<SeenTable> = vec![];
     let mut violations = vec![];
     for (run, shown) in shown {
         violations.extend(shown.violations.into_iter().map(|violation| format!("{}: {violation}", run.name)));

@@ -72,7 +72,7 @@ impl Soc {
         let miso = match wires.miso {
             Some(pin) if self.gpio.is_connected(pin) => match answer {
                 Some(bits) if !self.gpio.is_output(pin) => bits as u8,
-                // Nobody drives MISO, so it reads as the level of its pad.
+                // No device drives MISO, so the line has the level to which its pad pulls it.
                 _ => 0xFF * u8::from(self.gpio.level(pin)),
             },
             _ => 0,
