@@ -364,7 +364,8 @@ impl Hold {
         let Some(shown) = from.and_then(|from| reading.miso.get(from..from + place.len())) else { return };
         let (at, dpr) = (reading.selected, context.running(Board::Dpr));
         // A start of the DPR cuts a transaction off, and what came before it is lost.
-        if reading.silent || at < dpr.since || context.disturbances().excuse(Excuse::UnsoundImage, at) {
+        let excused = [Excuse::Service, Excuse::UnsoundImage].iter().any(|it| context.disturbances().excuse(*it, at));
+        if reading.silent || at < dpr.since || excused {
             return;
         }
         let came = |frame: &Arrived| (dpr.since..=at).contains(&frame.at);

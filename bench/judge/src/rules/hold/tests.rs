@@ -5,7 +5,7 @@ use profile::criticality::{ActiveLoad, Writer as WriterOf};
 
 use super::*;
 use crate::Bytes;
-use crate::disturbance::{Disturbance, HoldPart};
+use crate::disturbance::{Conduct, Disturbance, HoldPart};
 use crate::testing::{self, Events};
 
 /// Returns the violations of a hold that is open at 30 °C, restarts for `cause`, and then says `after`.
@@ -142,6 +142,22 @@ fn shown_from_damaged(damaged: usize) -> Vec<Violation> {
 fn the_dpr_may_take_an_intact_object_behind_a_damaged_length_byte() {
     assert_eq!(shown_from_damaged(0), []);
     assert_eq!(shown_from_damaged(20), [Violation::HoldShown, Violation::HoldAnswer]);
+}
+
+#[test]
+fn a_reading_that_a_flight_controller_spoils_shows_nothing_of_the_hold() {
+    let shown = |misused: bool| {
+        let mut events = run();
+        if misused {
+            let disturbs = Disturbance::FlightController { conduct: Conduct::Misuse };
+            let kind = "flight controller lies".into();
+            events.add(150 * MS, What::Injected { kind, disturbs, until: 199 * MS });
+        }
+        read(&mut events, 200 * MS, &status(200));
+        violations(&events)
+    };
+    assert_eq!(shown(true), []);
+    assert_eq!(shown(false), [Violation::HoldShown]);
 }
 
 #[test]
