@@ -45,7 +45,7 @@ impl Rule for Heater {
     fn take(&mut self, event: &Event, _context: &Context, findings: &mut Findings) {
         let at = event.at;
         match &event.what {
-            What::Hold(HoldEvent::Power { .. } | HoldEvent::Reset { .. }) => self.started = at,
+            What::Hold(HoldEvent::Power { on: true } | HoldEvent::Reset { .. }) => self.started = at,
             What::Hold(HoldEvent::Payload { heater, temperature, heated, measured, .. }) if self.has_hold => {
                 self.hot = if *temperature > HOT { self.hot.or(Some(at)) } else { None };
                 let mut wrong = |words: String| findings.add(Violation::HoldHeats, at, || words);
@@ -122,6 +122,19 @@ mod tests {
         assert_eq!(wrong(&heats(Some(51 * MS), None)), Some(100));
         assert_eq!(wrong(&heats(Some(61 * MS), Some(60 * MS))), None);
         assert_eq!(wrong(&heats(None, None)), None);
+    }
+
+    #[test]
+    fn the_heater_may_be_on_to_the_instant_at_which_the_supply_goes_off() {
+        let power = |on| {
+            let mut events = Events::new(1);
+            events.hold = true;
+            events.add(70 * MS, What::Hold(HoldEvent::Power { on }));
+            // Its pin falls a few ns after the supply, when the core's clock comes round.
+            events.add(100 * MS, record(10, 20_000, Some(70 * MS + 31), Some(60 * MS)));
+            testing::found(Heater::new(&events.log().header), &events.log()).0.len()
+        };
+        assert_eq!((power(false), power(true)), (0, 1));
     }
 
     #[test]
