@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use bench::sim::Images;
 use bench_timing::bounds::{self, BoardFigures};
 use bench_timing::chart;
@@ -38,11 +38,8 @@ pub(crate) fn timing(args: &TimingArgs) -> Result<ExitCode> {
     let [json, svg, trace] =
         [output("--json", &args.json)?, output("--svg", &args.svg)?, output("--trace", &args.trace)?];
     let images = images(args.gps)?;
-    let (boards, violations) = figures(&images, args.gps, args.clock)?;
+    let boards = figures(&images, args.gps, args.clock)?;
     print!("{}", bounds::text(&boards));
-    for violation in violations {
-        eprintln!("a run of the search violates a rule of the judge: {violation}");
-    }
     if let Some(json) = json {
         write(json, &(serde_json::to_string_pretty(&boards).context("the figures do not serialise")? + "\n"))?;
     }
@@ -70,10 +67,11 @@ pub(crate) fn images(gps: Receivers) -> Result<TimingImages> {
     Ok(TimingImages { link: Images { horus, dpr }, dpr_with_hold, hold: firmware::build_hold()? })
 }
 
-/// The figures of all boards, and what the runs of the search violated.
-pub(crate) fn figures(images: &TimingImages, gps: Receivers, clock: Clock) -> Result<(Vec<BoardFigures>, Vec<String>)> {
+/// The figures of all boards. A run that violates a rule of the judge makes the search worthless as evidence.
+pub(crate) fn figures(images: &TimingImages, gps: Receivers, clock: Clock) -> Result<Vec<BoardFigures>> {
     let (boards, violations) = search::search(search::runs(images, gps.0, clock))?;
-    Ok((boards.iter().map(|(table, seen)| bounds::figures(table, seen)).collect(), violations))
+    ensure!(violations.is_empty(), "a run of the search violates a rule of the judge: {}", violations.join("; "));
+    Ok(boards.iter().map(|(table, seen)| bounds::figures(table, seen)).collect())
 }
 
 /// One cycle as SVG, and the whole run for Perfetto.
@@ -97,7 +95,7 @@ const MARKS: [&str; 2] = ["<!-- response times, by `cargo xtask figures` -->\n",
 pub(crate) fn page(page: &str, path: &Path) -> Result<(String, String)> {
     let images = images(Receivers::DEFAULT)?;
     eprintln!("-- cargo xtask timing");
-    let (boards, _) = figures(&images, Receivers::DEFAULT, Clock::Pessimistic)?;
+    let boards = figures(&images, Receivers::DEFAULT, Clock::Pessimistic)?;
     let faults: Vec<String> = boards.iter().flat_map(BoardFigures::all_faults).collect();
     anyhow::ensure!(faults.is_empty(), "{}", faults.join("; "));
     let (svg, _) = charts(&images, Receivers::DEFAULT, Clock::Pessimistic)?;
