@@ -105,12 +105,12 @@ impl FrontEnd {
         self.chip.withhold(self.faults.withheld());
     }
 
-    /// Flips the bit at index `place`, modulo the number of bits, of the chip's registers.
-    pub fn flip(&mut self, place: u64) {
+    /// Flips the bit at index `place`, modulo the number of bits, of the chip's registers at `now` (ns).
+    pub fn flip(&mut self, now: u64, place: u64) {
         let bits = RegisterBit::all_of(&self.chip);
         let place = usize::try_from(place % bits.len() as u64).unwrap_or(0);
         if let Some(bit) = bits.get(place) {
-            self.with(|chip| bit.flip(chip));
+            self.call(now, |chip, _| bit.flip(chip));
         }
     }
 

@@ -129,8 +129,10 @@ impl BoardEvents {
                     return;
                 }
                 if let Fault::Spurious(_, task) = episode.fault {
+                    // A call that the DPR's task gets before it begins covers a spurious interrupt: the task runs once.
+                    let may_be_called = self.side == Side::Dpr && node.is_handling();
                     match interrupt_of(self.side, task) {
-                        Some(line) if !node.is_hung() && node.raise_interrupt(line) => {
+                        Some(line) if !may_be_called && !node.is_hung() && node.raise_interrupt(line) => {
                             self.injected(now, episode);
                             // The board has to enter its safe state.
                             if is_step(self.side, task) {
@@ -157,7 +159,7 @@ impl BoardEvents {
                     }
                     Fault::Hang(_) => {}
                     Fault::Chip(_, chip) => node.board_mut(|board| board.front_end().begin_chip_fault(*chip)),
-                    Fault::Flip(_, place) => node.board_mut(|board| board.front_end().flip(*place)),
+                    Fault::Flip(_, place) => node.board_mut(|board| board.front_end().flip(now, *place)),
                     Fault::Buffer(buffer) => self.apply(node, now, |node| buffer.begin(node)),
                     Fault::Drift(_, ppb) => B::drift(node, *ppb),
                     Fault::Upset(_, upset) => self.apply(node, now, |node| upset.apply(node)),

@@ -11,6 +11,7 @@ const EXCEPTIONS: u16 = 16 + 240;
 /// The address of the interrupt clear-enable registers, with a bit for each interrupt (ARMv7-M ARM B3.4.5).
 const ICER: u32 = 0xE000_E180;
 const ISPR: u32 = 0xE000_E200;
+const ICSR: u32 = 0xE000_ED04;
 
 /// The addresses of the priority registers of interrupts and of system handlers from number 4 on, with a byte for each
 /// (ARMv7-M ARM B3.4.9, B3.2.10).
@@ -103,6 +104,18 @@ impl<B: Board, C: Cost> Node<B, C> {
             self.access_port_write(register, Width::Word, bit).expect(words);
         }
         was_on
+    }
+
+    /// Whether the core handles an exception, or an interrupt is pending. A board without a supply handles none.
+    ///
+    /// # Panics
+    ///
+    /// Panics if the core has no interrupt controller.
+    pub fn is_handling(&mut self) -> bool {
+        // VECTACTIVE and ISRPENDING, ARMv7-M ARM B3.2.4.
+        const HANDLING: u32 = 0x0040_01FF;
+        let icsr = self.access_port_read(ICSR, Width::Word).expect("an interrupt controller");
+        self.is_powered() && icsr & HANDLING != 0
     }
 
     /// Makes interrupt `line` pending, although nothing has raised it. Does nothing if the line is not on, as without a

@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn the_heater_may_be_on_to_the_instant_at_which_the_supply_goes_off() {
+    fn the_heater_may_be_on_until_the_supply_goes_off() {
         let power = |on| {
             let mut events = Events::new(1);
             events.hold = true;

@@ -125,8 +125,8 @@ fn after_its_start_the_dpr_takes_an_object_that_it_had_before() {
     assert_eq!(after(false), [Violation::HoldShown, Violation::HoldAnswer], "a repetition");
 }
 
-/// Returns the violations of an exchange whose frame has bit 3 of byte `damaged` inverted at the DPR's antenna, and whose
-/// object the DPR shows as it was sent.
+/// Returns the violations of an exchange whose frame has bit 3 of byte `damaged` inverted at the DPR's antenna, and
+/// whose object the DPR shows as it was sent.
 fn shown_from_damaged(damaged: usize) -> Vec<Violation> {
     let mut events = run();
     let mut heard = frame(200 * MS, &status(200));
