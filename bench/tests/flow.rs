@@ -75,7 +75,7 @@ fn a_step_out_of_its_turn_is_found_anywhere_in_the_cycle() {
         for board in [Board::Horus, Board::Dpr] {
             let steps = (0..tasks_of(board).len() as u8).filter(|task| is_step(board, *task));
             for (turn, task) in (0..).zip(steps) {
-                let at = BEGINS + 3_300 * US * nth + 1_910 * US * turn;
+                let at = BEGINS + 3_300 * US * nth + 1_950 * US * turn;
                 let Some(outcome) = spurious(5, clock, board, task, at) else { return };
                 wrong.extend(outcome.err());
             }
@@ -159,4 +159,20 @@ fn the_hold_stops_when_its_cycle_runs_out_of_order_or_time() {
     }
     assert!(hold.raise_interrupt(line("SWI2_EGU2")));
     assert!(!restarts_within(&mut hold, 200 * MS), "the sensors' task finds no work");
+}
+
+/// A call of a task covers a spurious interrupt of it, so faults raise one only where no call can come before the task.
+#[test]
+fn a_starting_or_busy_board_is_not_ready_for_interrupts() {
+    let Some(mut horus) = boards::horus() else { return };
+    let mut ready_after = |time| {
+        assert!(!restarts_within(&mut horus, time));
+        usize::from(horus.is_ready_for_interrupts())
+    };
+    // Its initialisation masks them for longer than any task runs.
+    let started: Vec<usize> = (0..300).map(|_| ready_after(MS)).collect();
+    assert!(started.windows(3).any(|of| of == [0, 0, 0]), "{started:?}");
+    let mut seen = [0; 2];
+    (0..2_000).for_each(|_| seen[ready_after(5 * US)] += 1);
+    assert!(seen[0] > 0 && seen[1] > seen[0], "busy and ready: {seen:?}");
 }

@@ -226,3 +226,19 @@ fn note_irq(chip: &mut Chip, crossings: &mut Option<Vec<(u64, Crossing)>>) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use st25r3916_model::Config;
+
+    use super::*;
+
+    #[test]
+    fn a_flip_acts_at_its_own_instant() {
+        let pin = |bit| Pin::new(0, bit);
+        let wires = Wires { sck: pin(0), mosi: pin(1), miso: pin(2), cs: pin(3), irq: pin(4) };
+        let mut front_end = FrontEnd::new(Chip::new(Config::default()), wires, false);
+        front_end.flip(1_000_000, 0);
+        assert_eq!(front_end.chip().now(), 1_000_000);
+    }
+}

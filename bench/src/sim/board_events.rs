@@ -130,7 +130,7 @@ impl BoardEvents {
                 }
                 if let Fault::Spurious(_, task) = episode.fault {
                     // A call that the DPR's task gets before it begins covers a spurious interrupt: the task runs once.
-                    let may_be_called = self.side == Side::Dpr && node.is_handling();
+                    let may_be_called = self.side == Side::Dpr && !node.is_ready_for_interrupts();
                     match interrupt_of(self.side, task) {
                         Some(line) if !may_be_called && !node.is_hung() && node.raise_interrupt(line) => {
                             self.injected(now, episode);

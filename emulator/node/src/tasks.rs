@@ -1,6 +1,6 @@
 //! The tasks of a firmware over time: when each handler runs, and when the core sleeps.
 
-use cortex_m4::{Cost, Scheduled, Width};
+use cortex_m4::{Cost, Register, Scheduled, Width};
 use emulator_part::Part;
 
 use super::{Board, Node, memory};
@@ -106,16 +106,17 @@ impl<B: Board, C: Cost> Node<B, C> {
         was_on
     }
 
-    /// Whether the core handles an exception, or an interrupt is pending. A board without a supply handles none.
+    /// Whether an interrupt would begin at once, since the core handles no exception, no enabled one is
+    /// pending, and PRIMASK is 0.
     ///
     /// # Panics
     ///
     /// Panics if the core has no interrupt controller.
-    pub fn is_handling(&mut self) -> bool {
-        // VECTACTIVE and ISRPENDING, ARMv7-M ARM B3.2.4.
-        const HANDLING: u32 = 0x0040_01FF;
+    pub fn is_ready_for_interrupts(&mut self) -> bool {
+        // VECTPENDING and VECTACTIVE, ARMv7-M ARM B3.2.4. An interrupt that is not enabled counts in neither.
+        const HANDLING: u32 = 0x001F_F1FF;
         let icsr = self.access_port_read(ICSR, Width::Word).expect("an interrupt controller");
-        self.is_powered() && icsr & HANDLING != 0
+        self.is_powered() && icsr & HANDLING == 0 && self.core.register(Register::Primask) == 0
     }
 
     /// Makes interrupt `line` pending, although nothing has raised it. Does nothing if the line is not on, as without a
