@@ -23,18 +23,20 @@ pub(crate) const PACKAGES: [&str; 12] = [
 ];
 
 /// Packages [`PACKAGES`] and builds each from its tarball. Cargo resolves packages of one workspace against each other
-/// only if they may be published. So a copy of the committed files is used, in which they may be.
+/// only if they may be published. So a copy of the committed files is used, in which they may be. Cargo keeps what it
+/// has unpacked by the path of the target folder and by version, so each run has a target folder of its own.
 pub(crate) fn package() -> Result<ExitCode> {
     const OFF: &str = "publish = false";
     let folder = target_dir().join("package");
     let copy = folder.join("copy");
-    if copy.exists() {
-        fs::remove_dir_all(&copy).with_context(|| format!("could not remove {}", copy.display()))?;
+    if folder.exists() {
+        fs::remove_dir_all(&folder).with_context(|| format!("could not remove {}", folder.display()))?;
     }
     check(
         "copying what is committed",
         Command::new("git").args(["clone", "--quiet", "--shared"]).arg(root()).arg(&copy),
     )?;
+    let target = tempfile::tempdir_in(&folder).context("could not make a target folder")?.keep();
     let manifest = copy.join("Cargo.toml");
     let text = fs::read_to_string(&manifest).with_context(|| format!("could not read {}", manifest.display()))?;
     ensure!(text.contains(OFF), "{} does not say {OFF}", manifest.display());
@@ -42,7 +44,7 @@ pub(crate) fn package() -> Result<ExitCode> {
     let mut command = cargo();
     command.args(["package", "--allow-dirty", "--manifest-path"]).arg(&manifest);
     command.args(PACKAGES.iter().flat_map(|package| ["--package", package]));
-    check("packaging", command.arg("--target-dir").arg(&folder))?;
-    println!("{} crates build from their packages, in {}", PACKAGES.len(), folder.join("package").display());
+    check("packaging", command.arg("--target-dir").arg(&target))?;
+    println!("{} crates build from their packages, in {}", PACKAGES.len(), target.join("package").display());
     Ok(ExitCode::SUCCESS)
 }
