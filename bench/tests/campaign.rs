@@ -17,7 +17,7 @@ fn campaign(kinds: &[Kind], cycles: u64) -> Option<(Setup, Options)> {
 #[test]
 fn one_thread_two_threads_and_two_parts_find_the_same() {
     let Some((setup, options)) = campaign(&[Kind::Bits, Kind::Ram, Kind::Peripherals], 400) else { return };
-    let run = |options: &Options| campaign::run(&setup, options, None, |_| ()).unwrap();
+    let run = |options: &Options| campaign::run(&setup, options, None, &|_| ()).unwrap();
     let whole = run(&options);
     assert_eq!(whole.flaws(), [""; 0]);
     assert!(whole.sum().cycles >= 400);
@@ -31,7 +31,7 @@ fn one_thread_two_threads_and_two_parts_find_the_same() {
 #[test]
 fn each_trial_repeated_alone_has_the_class_that_it_had_among_others() {
     let Some((setup, options)) = campaign(&[Kind::Bits, Kind::Registers], 250) else { return };
-    let sum = campaign::run(&setup, &options, None, |_| ()).unwrap().sum();
+    let sum = campaign::run(&setup, &options, None, &|_| ()).unwrap().sum();
     let mut alone = Counts::default();
     for number in 1..=sum.injected() {
         let trial = campaign::repeat(&setup, &options, number).unwrap();
@@ -51,7 +51,7 @@ fn each_trial_repeated_alone_has_the_class_that_it_had_among_others() {
 #[test]
 fn bit_errors_glitches_and_drift_mislead_nobody_and_break_no_rule() {
     let Some((setup, options)) = campaign(&[Kind::Bits, Kind::Spi, Kind::Drift], 500) else { return };
-    let tally = campaign::run(&setup, &options, None, |_| ()).unwrap();
+    let tally = campaign::run(&setup, &options, None, &|_| ()).unwrap();
     assert!(tally.is_clean(), "{tally}");
     for row in ["bits", "spi", "drift"] {
         assert!(tally.rows[row].recovered > 0, "{row} never reached a reader: {tally}");

@@ -146,7 +146,7 @@ fn run(args: &CampaignArgs) -> Result<ExitCode> {
     }
     let style = ProgressStyle::with_template("{bar:40} {pos}/{len} cycles, {eta} left").expect("a constant template");
     let bar = ProgressBar::new(options.cycles / options.shard.of).with_style(style);
-    let tally = campaign::run(&setup, &options, None, |cycles| bar.inc(cycles))?;
+    let tally = campaign::run(&setup, &options, None, &|cycles| bar.inc(cycles))?;
     bar.finish_and_clear();
     show(&tally, args.json.as_deref(), args.page.as_deref())
 }

@@ -202,7 +202,7 @@ fn fly_with(args: &CoverageArgs, setup: Setup, records: &Records, crcs: runs::Pr
         };
         let cycles = CYCLES_OF_AN_UPSET * args.upsets as u64;
         let options = Options { scope, cycles, jobs: 2, shard: Shard::WHOLE };
-        let tally = campaign::run(&Setup { clock: Clock::Fast, ..setup }, &options, Some(records), |_| ())?;
+        let tally = campaign::run(&Setup { clock: Clock::Fast, ..setup }, &options, Some(records), &|_| ())?;
         eprintln!("{with}: {} upsets", tally.sum().injected());
     }
     Ok(())

@@ -84,7 +84,7 @@ pub fn run(
     setup: &Setup,
     options: &Options,
     records: Option<&Records>,
-    done: impl Fn(u64) + Sync,
+    done: &(dyn Fn(u64) + Sync),
 ) -> Result<Tally, Error> {
     let plans = Plan::all(&options.scope, options.cycles).filter(|plan| options.shard.has(plan.number));
     let trials = trials(setup, options, records, plans.collect(), done)?;
@@ -98,7 +98,7 @@ pub fn run(
 /// The errors are those of [`run`].
 pub fn repeat(setup: &Setup, options: &Options, number: u64) -> Result<Trial, Error> {
     let plan = Plan::new(&options.scope, number);
-    Ok(trials(setup, options, None, vec![plan], |_| ())?.remove(0))
+    Ok(trials(setup, options, None, vec![plan], &|_| ())?.remove(0))
 }
 
 fn trials(
@@ -106,7 +106,7 @@ fn trials(
     options: &Options,
     records: Option<&Records>,
     plans: Vec<Plan>,
-    done: impl Fn(u64) + Sync,
+    done: &(dyn Fn(u64) + Sync),
 ) -> Result<Vec<Trial>, Error> {
     match setup.clock {
         Clock::Fast => trials_on::<Fast>(setup, options, records, plans, done),
@@ -120,7 +120,7 @@ fn trials_on<C: Cost>(
     options: &Options,
     records: Option<&Records>,
     mut plans: Vec<Plan>,
-    done: impl Fn(u64) + Sync,
+    done: &(dyn Fn(u64) + Sync),
 ) -> Result<Vec<Trial>, Error> {
     plans.sort_by_key(|plan| (plan.at, plan.number));
     let last = plans.iter().map(|plan| plan.at + plan.cycles * CYCLE).max().unwrap_or(0);
