@@ -95,18 +95,30 @@ impl Page {
 
 #[test]
 fn a_flight_with_faults_is_the_command_lines_byte_for_byte() {
-    let Some(mut page) = Page::open("flight", "?seed=7&faults=air,gnss,fc,power,hang&seconds=20&pace=0") else {
-        return;
-    };
+    flies_as_the_command_line("flight", "--seed 7 --faults air,gnss,fc,power,hang --seconds 20");
+}
+
+#[test]
+fn a_flight_with_a_hold_is_the_command_lines_byte_for_byte() {
+    flies_as_the_command_line("hold", "--seed 3 --faults hold,chips --seconds 5 --hold");
+}
+
+/// Opens the page called `name` on the flight of the command `xtask sim` with `options`, and compares the outcomes.
+fn flies_as_the_command_line(name: &str, options: &str) {
+    let address = options.replace(" --", "&").replace(' ', "=").replace("--", "?");
+    let Some(mut page) = Page::open(name, &format!("{address}&pace=0")) else { return };
     page.tab.until("window.flightStep?.outcome != null");
     let outcome = page.step()["outcome"].clone();
 
-    let line = "xtask sim --seed 7 --faults air,gnss,fc,power,hang --seconds 20";
-    let Command::Sim(args) = Cli::parse_from(line.split(' ')).command else { panic!("{line}") };
-    let images = PathBuf::from(std::env::var_os("LINK_IMAGES").expect("with the page come the images")).join("gps-3");
-    let images = Images { horus: images.join("horus-tx-fw.elf"), dpr: images.join("dpr-fw.elf") };
+    let Command::Sim(args) = Cli::parse_from(format!("xtask sim {options}").split(' ')).command else {
+        panic!("{options}")
+    };
+    let images = PathBuf::from(std::env::var_os("LINK_IMAGES").expect("with the page come the images"));
+    let hold = options.contains("--hold").then(|| images.join("hold-fw.elf"));
+    let dpr = images.join("gps-3").join(if hold.is_some() { "dpr-fw-hold.elf" } else { "dpr-fw.elf" });
+    let images = Images { horus: images.join("gps-3/horus-tx-fw.elf"), dpr };
     let log = tempfile::NamedTempFile::new().unwrap();
-    let setup = Setup { log: Some(log.path().to_owned()), ..crate::sim::setup(&args, vec![], images) };
+    let setup = Setup { log: Some(log.path().to_owned()), hold, ..crate::sim::setup(&args, vec![], images) };
     let violations = bench::sim::run(&setup, &mut ()).unwrap().report.violations;
     let digest = Sha256::digest(std::fs::read(log.path()).unwrap());
     let digest: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
