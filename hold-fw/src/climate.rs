@@ -234,6 +234,42 @@ mod tests {
     }
 
     #[test]
+    fn the_output_follows_the_error_and_its_integral_outside_the_dead_band() {
+        let after_10_steps = |celsius| {
+            let mut climate = Climate::new(20.0);
+            (0..10).for_each(|_| _ = climate.step(Some(celsius), true));
+            climate.output()
+        };
+        // An error of 1 K for 1 s: 0.2 and 0.002. An error of 0.09 K only changes the integral.
+        for (celsius, expected) in [(19.0, 0.202), (21.0, -0.202), (19.91, 0.000_18), (20.09, -0.000_18)] {
+            let output = after_10_steps(celsius);
+            assert!((output - expected).abs() < 1e-6, "{output} at {celsius}");
+        }
+    }
+
+    #[test]
+    fn the_integral_stands_still_while_the_output_is_at_a_limit() {
+        for far in [10.0, 35.0] {
+            let mut climate = Climate::new(20.0);
+            (0..100).for_each(|_| _ = climate.step(Some(far), true));
+            assert!(OUTPUTS.start() == &climate.output() || OUTPUTS.end() == &climate.output());
+            (0..30).for_each(|_| _ = climate.step(Some(20.0), true));
+            assert_eq!(climate.output(), 0.0, "after {far}");
+        }
+    }
+
+    #[test]
+    fn at_the_ends_of_the_working_range_both_sides_may_work() {
+        let after = |first, last: f32| {
+            let mut climate = Climate::new(20.0);
+            (0..20).for_each(|_| _ = climate.step(Some(first), true));
+            climate.step(Some(last), true)
+        };
+        assert!(after(5.0, 45.0) > 0.0 && after(35.0, 0.0) < 0.0);
+        assert!(after(5.0, 45.1) <= 0.0 && after(35.0, -0.1) >= 0.0);
+    }
+
+    #[test]
     fn duties_are_parts_of_the_period_and_of_one_side() {
         for (output, expected) in [(0.0, [0, 0]), (0.5, [500, 0]), (-0.25, [0, 250]), (-1.0, [0, 1_000])] {
             assert_eq!(Duty::of(output).counts(1_000), expected);
