@@ -448,6 +448,32 @@ fn an_accepted_frame_is_answered_with_both_uplinks() {
 }
 
 #[test]
+fn a_frame_is_read_after_its_end_in_few_calls() {
+    let mut dpr = Dpr::new();
+    let before = dpr.calls;
+    dpr.is_answered(100);
+    // A frame that is read while it arrives takes a third more.
+    assert!(dpr.calls - before <= 25, "{} calls", dpr.calls - before);
+}
+
+#[test]
+fn a_frame_that_is_given_up_leaves_a_clean_buffer() {
+    let mut dpr = Dpr::new();
+    let first = |dpr: &mut Dpr, word| {
+        let buffer = dpr.responder.port().buffer.as_mut().expect("the buffer is here");
+        std::mem::replace(&mut buffer.memory()[0], word)
+    };
+    // A word of a frame that was read in part.
+    first(&mut dpr, 0x5A5A_5A5A);
+    let scrubs = dpr.telemetry.scrubs.get();
+    dpr.send(&[]);
+    assert_eq!(dpr.telemetry.scrubs.get() - scrubs, 1);
+    assert_eq!((dpr.telemetry.frames.get(), dpr.telemetry.faults.get()), (0, 1), "too short for a frame");
+    assert_eq!(first(&mut dpr, 0), 0);
+    dpr.is_answered(200);
+}
+
+#[test]
 fn the_answer_keeps_its_instant_whenever_horus_has_work() {
     let mut dpr = Dpr::new();
     for (timestamp, from_us) in (0_u64..3_600).step_by(150).enumerate() {

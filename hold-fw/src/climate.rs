@@ -160,9 +160,13 @@ mod tests {
         // Shows HOLD-9.
         #[test]
         fn no_sequence_of_inputs_breaks_a_limit(
-            steps in prop::collection::vec((any_celsius(), any::<bool>(), prop::num::f32::ANY), 1..300)
+            // An input lasts for up to 4 s, since the output needs 3.6 s from one limit to the other.
+            steps in prop::collection::vec((any_celsius(), any::<bool>(), prop::num::f32::ANY, 1_usize..40), 1..60)
         ) {
             let mut climate = Climate::new(f32::NAN);
+            let steps = steps.into_iter().flat_map(|(celsius, allowed, point, cycles)| {
+                std::iter::repeat_n((celsius, allowed, point), cycles)
+            });
             for (temperature, allowed, commanded) in steps {
                 let (before, point) = (climate.output(), climate.set_point());
                 let accepted = climate.set(commanded);
@@ -231,6 +235,42 @@ mod tests {
         assert_eq!((climate.step(None, true), climate.is_safe()), (0.0, true));
         assert!(climate.step(Some(29.0), true) <= SLEW);
         assert_eq!((climate.step(Some(29.0), false), climate.is_safe()), (0.0, true));
+    }
+
+    #[test]
+    fn the_output_follows_the_error_and_its_integral_outside_the_dead_band() {
+        let after_10_steps = |celsius| {
+            let mut climate = Climate::new(20.0);
+            (0..10).for_each(|_| _ = climate.step(Some(celsius), true));
+            climate.output()
+        };
+        // An error of 1 K for 1 s: 0.2 and 0.002. An error of 0.09 K only changes the integral.
+        for (celsius, expected) in [(19.0, 0.202), (21.0, -0.202), (19.91, 0.000_18), (20.09, -0.000_18)] {
+            let output = after_10_steps(celsius);
+            assert!((output - expected).abs() < 1e-6, "{output} at {celsius}");
+        }
+    }
+
+    #[test]
+    fn the_integral_stands_still_while_the_output_is_at_a_limit() {
+        for (far, limit) in [(10.0, 0.8), (35.0, -1.0)] {
+            let mut climate = Climate::new(20.0);
+            (0..100).for_each(|_| _ = climate.step(Some(far), true));
+            assert_eq!(climate.output(), limit);
+            (0..30).for_each(|_| _ = climate.step(Some(20.0), true));
+            assert_eq!(climate.output(), 0.0, "after {far}");
+        }
+    }
+
+    #[test]
+    fn at_the_ends_of_the_working_range_both_sides_may_work() {
+        let after = |first, last: f32| {
+            let mut climate = Climate::new(20.0);
+            (0..20).for_each(|_| _ = climate.step(Some(first), true));
+            climate.step(Some(last), true)
+        };
+        assert!(after(5.0, 45.0) > 0.0 && after(35.0, 0.0) < 0.0);
+        assert!(after(5.0, 45.1) <= 0.0 && after(35.0, -0.1) >= 0.0);
     }
 
     #[test]

@@ -21,8 +21,8 @@ use crate::telemetry::Telemetry;
 pub const RATE: Rate = Rate { flash_words: 16, code_words: 0, ram_words: 4 };
 
 /// The sizes of the program's flash, and of the RAM for stack and statics, bytes (`memory.x`).
-const FLASH_BYTES: u32 = 64 * 1024;
-const RAM_BYTES: u32 = 32 * 1024;
+const FLASH_BYTES: u32 = 65_536;
+const RAM_BYTES: u32 = 32_768;
 
 /// The longest time from a bit flip in flash until the patrol finds it, µs: two passes over 64 KiB of flash.
 pub const FLASH_DETECT_US: u32 = RATE.flash_detect_us(FLASH_BYTES);

@@ -105,7 +105,8 @@ mod tests {
     }
 
     fn kept(number: u16) -> Kept {
-        let outcome = if number.is_multiple_of(2) { Outcome::Done } else { Outcome::TooOld };
+        let outcomes = [Outcome::Done, Outcome::Refused, Outcome::Unknown, Outcome::TooOld];
+        let outcome = outcomes[usize::from(number) % outcomes.len()];
         Kept {
             locked: number.is_multiple_of(3),
             set_point: f32::from(number),

@@ -41,3 +41,19 @@ impl flow::Step for Step {
         self as usize
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slot_beat_and_cycle_follow_one_another_every_25_ms() {
+        let flow = flow::Flow::new();
+        for slot in [500, 25_500, 50_500] {
+            assert!(flow.begin(Step::Slot, || slot), "slot {slot}");
+            assert!(flow.begin(Step::Beat, || slot + 24_500), "beat after slot {slot}");
+            assert!(flow.begin(Step::Cycle, || slot + 24_501), "cycle after slot {slot}");
+        }
+        assert!(!flow.begin(Step::Cycle, || 75_002), "a second time");
+    }
+}

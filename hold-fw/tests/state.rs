@@ -184,6 +184,24 @@ fn each_command_is_done_within_its_limits_or_refused() {
 }
 
 #[test]
+fn a_command_is_too_old_after_a_second_of_the_same_uplink() {
+    let (mut hold, telemetry, writer) = (hold(), Telemetry::new(), Writer::<BaseStation>::claim());
+    let mut sender = Sender::<BaseStation>::new();
+    sender.observe(hold.cycle(0, &mut READINGS.clone(), Some(3.0)).0.as_object());
+    sender.send(&HoldCommand::Unlock);
+    let (mut uplink, mut answer) = (UplinkValues::default(), Answer::EMPTY);
+    sender.fill(&mut uplink.payload);
+    answer.set_uplink(writer, Uplink::seal(writer, &uplink));
+    for tick in 1..=12 {
+        hold.command(&answer, tick, &telemetry);
+        let values = hold.cycle(tick, &mut READINGS.clone(), Some(3.0)).0.values();
+        let expected = if tick < 12 { Outcome::Nothing } else { Outcome::TooOld };
+        assert_eq!(values.acknowledged[0].outcome(), Some(expected), "in cycle {tick}");
+        assert!(values.status.locked());
+    }
+}
+
+#[test]
 fn a_cleared_shock_is_zero_until_the_next_one() {
     let mut link = Link::new();
     assert_eq!(link.cycle().greatest_shock, 9.0);

@@ -1,5 +1,7 @@
 //! Tests the rule of the hold on logs that are made by hand.
 
+mod conduct;
+
 use profile::UplinkValues;
 use profile::criticality::{ActiveLoad, Writer as WriterOf};
 

@@ -1,0 +1,224 @@
+//! Tests what the rule demands of an undisturbed hold: its frames, the effects of commands, its outputs.
+
+use super::*;
+
+const BASE: WriterOf<BaseStation> = WriterOf::claim();
+const FLIGHT: WriterOf<FlightController> = WriterOf::claim();
+
+/// Adds a Hold-Status with these values that the hold has sent at `at`.
+fn sends(events: &mut Events, at: u64, values: &HoldValues) {
+    let object = HoldStatus::seal(WriterOf::<ActiveLoad>::claim(), values);
+    events.add(at, What::Hold(HoldEvent::Sent(frame(at - MS, object.as_bytes()))));
+}
+
+/// Returns the values of the hold's instant `timestamp` (ms), locked, with these acknowledgements of the base station's
+/// and of the flight controller's last command.
+fn says(timestamp: u32, acknowledged: [Acknowledged; 2]) -> HoldValues {
+    let values = HoldValues { acknowledged, set_point: 20.0, ..HoldValues::absent(timestamp) };
+    HoldValues { status: values.status.with_locked(true), ..values }
+}
+
+const NO_COMMAND: fn() -> [Acknowledged; 2] = || [Acknowledged::default(); 2];
+
+#[test]
+fn frames_may_take_300_ms_at_first_and_then_150_ms() {
+    let frames = |at: &[u64], end: u64| {
+        let mut events = run();
+        for (number, at) in (1..).zip(at) {
+            sends(&mut events, *at, &says(100 * number, NO_COMMAND()));
+        }
+        violations(events.end(end))
+    };
+    let silent = [Violation::HoldSilent];
+    assert_eq!((frames(&[], 300 * MS), frames(&[], 300 * MS + 1)), (vec![], silent.to_vec()));
+    assert_eq!(frames(&[200 * MS, 350 * MS], 500 * MS), []);
+    assert_eq!(frames(&[200 * MS, 350 * MS], 500 * MS + 1), silent);
+    assert_eq!(frames(&[200 * MS, 350 * MS + 1], 400 * MS), silent);
+}
+
+/// A command: writer, number, word, value.
+type Command = (usize, u16, u16, f32);
+
+/// Adds an answer that comes to the hold at `at` with this command, in an uplink of the instant `timestamp` (ms).
+fn commands(events: &mut Events, at: u64, timestamp: u32, (writer, number, word, value): Command) {
+    let mut values = UplinkValues { timestamp, ..UplinkValues::default() };
+    for (to, from) in
+        values.payload.iter_mut().zip([&number.to_le_bytes()[..], &word.to_le_bytes(), &value.to_le_bytes()].concat())
+    {
+        *to = from;
+    }
+    let mut answer = Answer::EMPTY;
+    match writer {
+        0 => answer.set_uplink(BASE, Uplink::seal(BASE, &values)),
+        _ => answer.set_uplink(FLIGHT, Uplink::seal(FLIGHT, &values)),
+    }
+    events.add(at, What::Hold(HoldEvent::AnswerHeard(frame(at - 3 * MS, answer.as_bytes()))));
+}
+
+/// Returns the violations of a locked hold at 20 °C that this command comes to, and that then says `after`.
+fn executes(command: Option<Command>, after: impl FnOnce(&mut HoldValues)) -> Vec<Violation> {
+    let mut events = run();
+    sends(&mut events, 100 * MS, &says(100, NO_COMMAND()));
+    if let Some(command) = command {
+        commands(&mut events, 150 * MS, 7, command);
+    }
+    let mut values = says(200, NO_COMMAND());
+    after(&mut values);
+    sends(&mut events, 200 * MS, &values);
+    violations(&events)
+}
+
+#[test]
+fn set_point_and_lock_change_by_commands_that_came_alone() {
+    let wrong = [Violation::HoldCommand];
+    let done = |writer: usize, number| {
+        move |now: &mut HoldValues| now.acknowledged[writer] = Acknowledged::new(number, Outcome::Done)
+    };
+    assert_eq!(executes(None, |_| {}), []);
+    assert_eq!(executes(None, |now| now.set_point = 21.0), wrong);
+    assert_eq!(executes(None, |now| now.status = now.status.with_locked(false)), wrong);
+    assert_eq!(executes(None, done(0, 1)), wrong, "no command came");
+    for writer in [0, 1] {
+        let set = Some((writer, 1, 1, 30.0));
+        let done = done(writer, 1);
+        assert_eq!(executes(set, |now| (now.set_point, _) = (30.0, done(now))), []);
+        assert_eq!(executes(set, |now| (now.set_point, _) = (30.5, done(now))), wrong);
+        assert_eq!(executes(set, done), wrong, "it did nothing");
+        assert_eq!(executes(set, |now| now.set_point = 30.0), wrong, "without an acknowledgement");
+        let unlock = Some((writer, 1, 3, 0.0));
+        let unlocked = |now: &mut HoldValues| now.status = now.status.with_locked(false);
+        assert_eq!(executes(unlock, |now| (unlocked(now), done(now)).0), []);
+        assert_eq!(executes(unlock, done), wrong, "it is still locked");
+        assert_eq!(executes(Some((writer, 1, 2, 0.0)), done), []);
+        assert_eq!(executes(Some((writer, 1, 2, 0.0)), |now| (unlocked(now), done(now)).0), wrong);
+    }
+    assert_eq!(executes(Some((0, 1, 2, 0.0)), done(1, 1)), wrong, "the other writer's");
+    assert_eq!(executes(Some((0, 2, 2, 0.0)), done(0, 1)), wrong, "another number");
+    assert_eq!(executes(Some((0, 0x8000, 2, 0.0)), done(0, 0x8000)), wrong, "an old number");
+    assert_eq!(executes(Some((0, 0x7FFF, 2, 0.0)), done(0, 0x7FFF)), []);
+}
+
+#[test]
+fn a_command_that_came_three_times_each_later_is_acknowledged() {
+    let came = |timestamps: &[u32], acknowledged: Acknowledged| {
+        let mut events = run();
+        sends(&mut events, 100 * MS, &says(100, NO_COMMAND()));
+        for (number, timestamp) in (1..).zip(timestamps) {
+            commands(&mut events, (100 + number) * MS, *timestamp, (0, 1, 2, 0.0));
+        }
+        sends(&mut events, 200 * MS, &says(200, [acknowledged, Acknowledged::default()]));
+        violations(&events)
+    };
+    let none = Acknowledged::default();
+    assert_eq!(came(&[7, 8, 9], none), [Violation::HoldIgnores]);
+    assert_eq!(came(&[7, 8], none), []);
+    assert_eq!(came(&[7, 8, 8], none), [], "the same one twice");
+    assert_eq!(came(&[7, 8, 9], Acknowledged::new(1, Outcome::Done)), []);
+}
+
+/// Returns the violations of a hold that has stated these outputs, at 20 °C, 40 % and 3 V, and whose payload shows
+/// `payload` 50 ms later: the shares of heater and cooler, the temperature (m°C) and the humidity (m%).
+fn does(outputs: &[f32], payload: (u16, u16, i32, u32)) -> Vec<Violation> {
+    let mut events = run();
+    let mut at = 0;
+    for (number, output) in (1..).zip(outputs) {
+        let values =
+            HoldValues { temperature: 20.0, humidity: 40.0, supply: 3.0, output: *output, ..says(0, NO_COMMAND()) };
+        at = u64::from(number) * 100 * MS;
+        sends(
+            &mut events,
+            at,
+            &HoldValues { timestamp: 100 * number, status: values.status.with_values_valid(true), ..values },
+        );
+    }
+    let (heater, cooler, temperature, humidity) = payload;
+    let payload = HoldEvent::Payload { heater, cooler, temperature, humidity, heated: None, measured: None };
+    events.add(at + 50 * MS, What::Hold(payload));
+    violations(&events)
+}
+
+#[test]
+fn heater_and_cooler_are_on_for_what_the_last_three_statuses_state() {
+    let on = |outputs: &[f32], heater, cooler| does(outputs, (heater, cooler, 20_000, 40_000)).is_empty();
+    let heats = [0.9, 0.2, 0.3, 0.4];
+    assert!(on(&heats, 1_710, 0) && on(&heats, 4_290, 0) && on(&heats, 3_000, 290));
+    assert!(!on(&heats, 1_690, 0) && !on(&heats, 4_310, 0) && !on(&heats, 3_000, 310));
+    let cools = [-0.4, -0.4, -0.5];
+    assert!(on(&cools, 0, 3_710) && on(&cools, 290, 5_290));
+    assert!(!on(&cools, 0, 3_690) && !on(&cools, 310, 4_500) && !on(&cools, 0, 5_310));
+    assert!(on(&[0.5, 0.5], 0, 0), "two statuses do not tell enough");
+}
+
+#[test]
+fn what_a_status_states_is_the_truth_within_the_sensors_error() {
+    let measures = |temperature, humidity| does(&[0.0; 3], (0, 0, temperature, humidity)).is_empty();
+    for truth in [(20_790, 40_000), (19_210, 40_000), (20_000, 44_900), (20_000, 35_100)] {
+        assert!(measures(truth.0, truth.1), "{truth:?}");
+    }
+    for wrong in [(20_810, 40_000), (19_190, 40_000), (20_000, 45_100), (20_000, 34_900)] {
+        assert!(!measures(wrong.0, wrong.1), "{wrong:?}");
+    }
+}
+
+#[test]
+fn the_pin_of_the_lock_follows_the_status_within_150_ms() {
+    let pin = |turned: u64, locked| {
+        let mut events = run();
+        events.add(turned, What::Hold(HoldEvent::Lock { locked }));
+        for number in 1..=2 {
+            sends(&mut events, u64::from(number) * 100 * MS, &says(100 * number, NO_COMMAND()));
+        }
+        violations(&events)
+    };
+    assert_eq!(pin(50 * MS - 1, false), [Violation::HoldOutput]);
+    assert_eq!(pin(50 * MS, false), []);
+    assert_eq!(pin(50 * MS - 1, true), []);
+}
+
+#[test]
+fn a_frame_is_shown_from_26_to_280_ms_after_its_end() {
+    let hidden = |after: u64| {
+        let mut events = run();
+        events.add(200 * MS, What::Hold(HoldEvent::Heard(frame(199 * MS, &status(200)))));
+        read(&mut events, 200 * MS + after, &[0; 64]);
+        violations(&events)
+    };
+    assert_eq!((hidden(SHOWN_WITHIN - 1), hidden(SHOWN_AT_LEAST)), (vec![], vec![]));
+    let wrong = [Violation::HoldHidden];
+    assert_eq!((hidden(SHOWN_WITHIN), hidden(SHOWN_AT_LEAST - 1)), (wrong.to_vec(), wrong.to_vec()));
+}
+
+#[test]
+fn a_frame_that_is_shown_is_answered() {
+    let shown = |answered: bool, after: u64| {
+        let mut events = run();
+        match answered {
+            true => exchange(&mut events, 200 * MS, 200),
+            false => drop(events.add(200 * MS, What::Hold(HoldEvent::Heard(frame(199 * MS, &status(200)))))),
+        }
+        read(&mut events, 200 * MS + after, &status(200));
+        violations(&events)
+    };
+    assert_eq!(shown(false, bounds::CYCLE + 1), [Violation::HoldUnanswered]);
+    assert_eq!((shown(false, bounds::CYCLE), shown(true, bounds::CYCLE + 1)), (vec![], vec![]));
+}
+
+#[test]
+fn an_object_is_shown_for_its_time_and_no_longer() {
+    let shown = |after: u64| {
+        let mut events = run();
+        exchange(&mut events, 200 * MS, 200);
+        read(&mut events, 200 * MS + after, &status(200));
+        violations(&events)
+    };
+    assert_eq!((shown(SHOWN_FOR), shown(SHOWN_FOR + 1)), (vec![], vec![Violation::HoldShown]));
+}
+
+#[test]
+fn what_the_hold_complains_of_is_a_violation() {
+    let says = |event: HoldEvent| violations(run().add(100 * MS, What::Hold(event)));
+    let wrong = [Violation::HoldComplains];
+    assert_eq!(says(HoldEvent::Finding { text: "guard".into() }), wrong);
+    assert_eq!(says(HoldEvent::Reset { cause: Cause::Watchdog, asked: false }), wrong);
+    assert_eq!(says(HoldEvent::Reset { cause: Cause::Watchdog, asked: true }), []);
+}
