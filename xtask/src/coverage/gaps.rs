@@ -168,6 +168,8 @@ pub(super) struct Gap {
     pub(super) missing: Missing,
     /// The lines of this workspace, from the innermost to the outermost.
     pub(super) places: Vec<Place>,
+    /// The file of the innermost function if it is one of a library.
+    pub(super) library: String,
 }
 
 /// The coverage of one image.
@@ -226,8 +228,8 @@ pub(super) fn coverage(
             }
         }
         let gap = |missing| {
-            let places = origin.places.clone();
-            Gap { address, function: instruction.function, part, missing, places }
+            let (places, library) = (origin.places.clone(), origin.library.clone());
+            Gap { address, function: instruction.function, part, missing, places, library }
         };
         coverage.gaps.extend(missing.into_iter().map(gap));
     }
@@ -275,7 +277,7 @@ mod tests {
     fn image() -> (Image, BTreeMap<u32, Origin>) {
         let image = Image::of(START, &[0x2800, 0xD000, 0xBF00, 0x4770], &[]);
         let place = |address: u32| Place { file: "dpr-fw/src/link.rs".into(), line: (address - START) / 2 + 1 };
-        let origin = |address: u32| Origin { places: vec![place(address)], logs: false };
+        let origin = |address: u32| Origin { places: vec![place(address)], ..Origin::default() };
         let origins = image.code.keys().map(|address| (*address, origin(*address))).collect();
         (image, origins)
     }

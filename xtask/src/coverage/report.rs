@@ -124,6 +124,7 @@ pub(super) fn json(all: &[Measured]) -> Value {
             "part": gap.part.name(),
             "missing": gap.missing.words(),
             "lines": places,
+            "library": gap.library,
         })
     };
     let image = |measured: &Measured| {
@@ -146,6 +147,7 @@ mod tests {
             part: Part::Deciding,
             missing: Missing::Taken,
             places: vec![place.clone()],
+            library: String::new(),
         };
         let coverage = Coverage { counts: BTreeMap::new(), gaps: vec![gap] };
         let functions = vec![Function { name: "judge".into(), start: 0x100, end: 0x200 }];
