@@ -7,8 +7,8 @@
 //! |---|---|
 //! | the bench runs the release images, and each core notes what it executes | `coverage` of `cortex_m4` and `bench` |
 //! | the image's instructions are found without executing it | [`image`] |
-//! | the runs | [`runs`] |
-//! | what leads only to a panic is told apart, and so is the log | [`paths`], [`gaps`] |
+//! | the runs | [`runs`], [`messages`] |
+//! | what leads only to a panic is told apart, and so is the log | [`paths`], [`callers`], [`gaps`] |
 //! | instructions are led back to source lines, and their comments read | [`source`] |
 //! | both are compared and printed | [`gaps`], [`report`] |
 //!
@@ -16,8 +16,10 @@
 //! reason above the statement, arm or item. The command fails on a gap without explanation in code that decides or has
 //! a deadline, and on an explanation of what is covered.
 
+mod callers;
 mod gaps;
 mod image;
+mod messages;
 mod paths;
 mod report;
 mod runs;
@@ -60,7 +62,7 @@ const UPSET_FLIGHT: u64 = 6;
 #[derive(Args)]
 pub(crate) struct CoverageArgs {
     /// Virtual time of each run, in seconds.
-    #[arg(long, default_value_t = 24.0, value_parser = sim::positive_seconds)]
+    #[arg(long, default_value_t = 8.0, value_parser = sim::positive_seconds)]
     seconds: f64,
     /// The seeds: each kind of fault runs once with each.
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "1")]
@@ -72,7 +74,7 @@ pub(crate) struct CoverageArgs {
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     faults: Option<Vec<Kind>>,
     /// The number of upsets of RAM, flash and registers, each on a copy of the bench.
-    #[arg(long, value_name = "COUNT", default_value_t = 48)]
+    #[arg(long, value_name = "COUNT", default_value_t = 24)]
     upsets: usize,
     /// Write the totals into docs/safety/coverage.md.
     #[arg(long, conflicts_with = "faults")]
@@ -114,7 +116,7 @@ pub(crate) fn coverage(args: &CoverageArgs) -> Result<ExitCode> {
         json.finish()?;
     }
     if args.write {
-        let page = report::page(&command(args), &summary);
+        let page = report::page(&command(args), &summary, &report::missing(&measured, &explained));
         std::fs::write(root().join(PAGE), page).with_context(|| format!("could not write {PAGE}"))?;
     }
     for place in &explained.needless {
@@ -189,7 +191,7 @@ struct Flight {
 fn flights_of(args: &CoverageArgs, setup: &Setup, records: &Records, crcs: runs::ProgramCrcs) -> Vec<Flight> {
     let duration_ns = (args.seconds * 1e9).round() as u64;
     let crcs = args.faults.is_none().then_some(crcs);
-    let runs = runs::runs(&kinds(args, setup), setup.gps, setup.seed, duration_ns, crcs);
+    let runs = runs::runs(&kinds(args, setup), setup.gps, setup.seed, duration_ns, crcs, setup.hold.is_some());
     runs.into_iter().map(|run| Flight { run, setup: setup.clone(), records: records.clone() }).collect()
 }
 
@@ -219,9 +221,12 @@ fn fly_all(mut flights: Vec<Flight>) -> Result<()> {
 impl Flight {
     fn fly(self) -> Result<()> {
         let began = Instant::now();
-        let Self { run: Run { name, faults, duration_ns, factory_settings, judged }, setup, records } = self;
+        let Self { run: Run { name, faults, duration_ns, factory_settings, every_message, judged }, setup, records } =
+            self;
         let with = if setup.hold.is_some() { "with hold" } else { "without hold" };
-        let verdict = run(&Setup { faults, duration_ns, factory_settings, ..setup.clone() }, &records)?;
+        let recording = every_message.then(messages::recording).transpose()?;
+        let recordings = recording.iter().map(|file| Some(file.path().to_owned())).collect();
+        let verdict = run(&Setup { faults, duration_ns, factory_settings, recordings, ..setup.clone() }, &records)?;
         let (took, virtual_s) = (began.elapsed().as_secs_f64(), duration_ns as f64 / 1e9);
         eprintln!("n = {}, seed {}, {with}: {name}, {virtual_s:.1} s in {took:.1} s", setup.gps, setup.seed);
         if let Some(first) = verdict.violations.first().filter(|_| judged) {

@@ -6,7 +6,8 @@ use std::ops::AddAssign;
 use anyhow::{Result, ensure};
 use cortex_m4::coverage::{Flow, Record, Seen};
 
-use super::image::Image;
+use super::callers::follow;
+use super::image::{Image, Instruction};
 use super::paths::doomed;
 use super::source::{Origin, Place, Source};
 
@@ -200,10 +201,15 @@ pub(super) fn coverage(
     sources: &BTreeMap<String, Source>,
 ) -> Result<Coverage> {
     let doomed = doomed(image, is_panic);
+    let part_of = |(&address, instruction): (&u32, &Instruction)| {
+        let name = &image.functions[instruction.function].name;
+        (address, part(name, doomed.contains(&address), &origins[&address], sources))
+    };
+    let mut parts: BTreeMap<u32, Part> = image.code.iter().map(part_of).collect();
+    follow(image, &mut parts);
     let mut coverage = Coverage::default();
     for (&address, instruction) in &image.code {
-        let origin = &origins[&address];
-        let part = part(&image.functions[instruction.function].name, doomed.contains(&address), origin, sources);
+        let (origin, part) = (&origins[&address], parts[&address]);
         let seen = record.seen(address);
         let counts = coverage.counts.entry(part).or_default();
         counts.instructions.add(seen.executed);
