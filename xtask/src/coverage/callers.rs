@@ -1,4 +1,6 @@
-//! Which functions are called only by panics and the log, and so are part of them.
+//! Which functions of libraries are called only by panics and the log, and so are part of them.
+//!
+//! Functions of this workspace are not asked: a line that writes a message may also call what decides.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -7,8 +9,8 @@ use cortex_m4::coverage::Flow;
 use super::gaps::Part;
 use super::image::Image;
 
-/// Makes each function that only panics and the log call a part of them, and what only those call, and so on. A
-/// function without a caller, or one whose address is known somewhere, may be called from anywhere and stays.
+/// Makes each function of a library that only panics and the log call a part of them, and what only those call, and
+/// so on. A function without a caller, or one whose address is known somewhere, may be called from anywhere and stays.
 pub(super) fn follow(image: &Image, parts: &mut BTreeMap<u32, Part>) {
     let mut callers: BTreeMap<usize, BTreeSet<u32>> = BTreeMap::new();
     for (&address, instruction) in &image.code {
@@ -18,7 +20,12 @@ pub(super) fn follow(image: &Image, parts: &mut BTreeMap<u32, Part>) {
             callers.entry(called).or_default().insert(address);
         }
     }
-    callers.retain(|function, _| !image.known.contains(&image.functions[*function].start));
+    callers.retain(|function, _| {
+        let function = &image.functions[*function];
+        let mut own = parts.range(function.start..function.end).map(|(_, part)| part);
+        own.all(|part| matches!(part, Part::Library | Part::Panic | Part::Log))
+            && !image.known.contains(&function.start)
+    });
     loop {
         let is_aside = |address: &u32| matches!(parts[address], Part::Panic | Part::Log);
         let follows = |callers: &BTreeSet<u32>| callers.iter().all(is_aside);
@@ -29,7 +36,7 @@ pub(super) fn follow(image: &Image, parts: &mut BTreeMap<u32, Part>) {
         let part = if of.iter().all(|address| parts[address] == Part::Panic) { Part::Panic } else { Part::Log };
         let called = &image.functions[function];
         for (_, own) in parts.range_mut(called.start..called.end) {
-            if !matches!(own, Part::Panic | Part::Log) {
+            if *own == Part::Library {
                 *own = part;
             }
         }
@@ -51,7 +58,11 @@ mod tests {
     }
 
     fn part_of_called(image: &Image, caller: Part) -> Part {
-        let mut parts = [(0x100, caller), (0x104, caller), (0x106, Part::Library)].into();
+        part_after(image, caller, Part::Library)
+    }
+
+    fn part_after(image: &Image, caller: Part, called: Part) -> Part {
+        let mut parts = [(0x100, caller), (0x104, caller), (0x106, called)].into();
         follow(image, &mut parts);
         parts[&0x106]
     }
@@ -61,6 +72,13 @@ mod tests {
         assert_eq!(part_of_called(&image(), Part::Panic), Part::Panic);
         assert_eq!(part_of_called(&image(), Part::Log), Part::Log);
         assert_eq!(part_of_called(&image(), Part::Deciding), Part::Library);
+    }
+
+    #[test]
+    fn own_code_follows_nobody() {
+        for part in [Part::Deciding, Part::Deadline, Part::Other] {
+            assert_eq!(part_after(&image(), Part::Log, part), part);
+        }
     }
 
     #[test]

@@ -125,10 +125,10 @@ pub(super) fn page(command: &str, summary: &str, missing: &str) -> String {
          on the fast clock, which also lists each gap by function and source line.\n\
          The runs: `xtask/src/coverage/runs.rs`.\n\
          The suites on the boards are other images and do not count. An instruction leads only to a panic if each path \
-         from it\nends in one; those, what formats the log, and what only these call, are counted by themselves. A \
-         branch has two outcomes, without one that\nleads only to a panic; so has an instruction in an IT block, \
-         which is skipped or not. \
-         What decides and what has a\ndeadline: `xtask/src/coverage/gaps.rs`.\n\n## What is missing\n\n\
+         from it\nends in one; those, what formats the log, and functions of libraries that only these call, are \
+         counted by themselves.\nA branch has two outcomes, without one that leads only to a panic; so has an \
+         instruction in an IT block, which is\nskipped or not. What decides and what has a deadline: \
+         `xtask/src/coverage/gaps.rs`.\n\n## What is missing\n\n\
          {missing}\n## Totals\n\n{summary}"
     )
 }
