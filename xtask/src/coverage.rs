@@ -7,8 +7,8 @@
 //! |---|---|
 //! | the bench runs the release images, and each core notes what it executes | `coverage` of `cortex_m4` and `bench` |
 //! | the image's instructions are found without executing it | [`image`] |
-//! | the runs | [`runs`] |
-//! | what leads only to a panic is told apart, and so is the log | [`paths`], [`gaps`] |
+//! | the runs | [`runs`], [`messages`] |
+//! | what leads only to a panic is told apart, and so is the log | [`paths`], [`callers`], [`gaps`] |
 //! | instructions are led back to source lines, and their comments read | [`source`] |
 //! | both are compared and printed | [`gaps`], [`report`] |
 //!
@@ -16,17 +16,20 @@
 //! reason above the statement, arm or item. The command fails on a gap without explanation in code that decides or has
 //! a deadline, and on an explanation of what is covered.
 
+mod callers;
 mod gaps;
 mod image;
+mod messages;
 mod paths;
 mod report;
 mod runs;
 mod source;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::panic::resume_unwind;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
@@ -36,7 +39,7 @@ use bench::sim::coverage::{Records, run};
 use bench::sim::{Images, Setup};
 use clap::Args;
 use cortex_m4::coverage::Record;
-use emulator_node::Clock;
+use emulator_node::{Clock, Threads};
 
 use crate::output::Output;
 use crate::workspace::{root, tracked};
@@ -53,10 +56,13 @@ const PAGE: &str = "docs/safety/coverage.md";
 /// The least number of cycles of a trial with an upset (`bench::campaign`).
 const CYCLES_OF_AN_UPSET: u64 = 40;
 
+/// The length of the flight whose copies are upset, s.
+const UPSET_FLIGHT: u64 = 6;
+
 #[derive(Args)]
 pub(crate) struct CoverageArgs {
     /// Virtual time of each run, in seconds.
-    #[arg(long, default_value_t = 4.0, value_parser = sim::positive_seconds)]
+    #[arg(long, default_value_t = 8.0, value_parser = sim::positive_seconds)]
     seconds: f64,
     /// The seeds: each kind of fault runs once with each.
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "1")]
@@ -68,7 +74,7 @@ pub(crate) struct CoverageArgs {
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     faults: Option<Vec<Kind>>,
     /// The number of upsets of RAM, flash and registers, each on a copy of the bench.
-    #[arg(long, value_name = "COUNT", default_value_t = 48)]
+    #[arg(long, value_name = "COUNT", default_value_t = 24)]
     upsets: usize,
     /// Write the totals into docs/safety/coverage.md.
     #[arg(long, conflicts_with = "faults")]
@@ -110,7 +116,7 @@ pub(crate) fn coverage(args: &CoverageArgs) -> Result<ExitCode> {
         json.finish()?;
     }
     if args.write {
-        let page = report::page(&command(args), &summary);
+        let page = report::page(&command(args), &summary, &report::missing(&measured, &explained));
         std::fs::write(root().join(PAGE), page).with_context(|| format!("could not write {PAGE}"))?;
     }
     for place in &explained.needless {
@@ -154,57 +160,96 @@ fn fly(args: &CoverageArgs, gps: Receivers) -> Result<Vec<Flown>> {
     let dpr_with_port = Flown::read(&format!("dpr-fw with hold, n = {gps}"), &with_port)?;
     let hold = Flown::read("hold-fw", &hold_elf)?;
     let beside = Some((hold_elf, hold.record.clone()));
+    let (mut benches, mut flights) = (vec![], vec![]);
     for (flown_dpr, elf, hold) in [(&dpr, dpr_elf, None), (&dpr_with_port, with_port, beside)] {
         let images = Images { horus: horus_elf.clone(), dpr: elf };
         let (hold_elf, hold_record) = hold.unzip();
         let records = Records { horus: horus.record.clone(), dpr: flown_dpr.record.clone(), hold: hold_record };
         let crcs = [horus.image.program_crc, flown_dpr.image.program_crc];
         for &seed in &args.seeds {
-            let setup = Setup { seed, writes: true, hold: hold_elf.clone(), ..Setup::new(images.clone(), gps.0, 0) };
-            fly_with(args, setup, &records, crcs)?;
+            let new = Setup::new(images.clone(), gps.0, 0);
+            let setup = Setup { seed, writes: true, hold: hold_elf.clone(), threads: Threads::One, ..new };
+            flights.extend(flights_of(args, &setup, &records, crcs));
+            benches.push((setup, records.clone()));
         }
+    }
+    fly_all(flights)?;
+    for (setup, records) in benches {
+        upset(args, setup, &records)?;
     }
     Ok(vec![horus, dpr, dpr_with_port, hold])
 }
 
-/// Flies all runs of one seed with the images of `setup`.
-fn fly_with(args: &CoverageArgs, setup: Setup, records: &Records, crcs: runs::ProgramCrcs) -> Result<()> {
+/// A run, what it runs on, and where it is recorded.
+struct Flight {
+    run: Run,
+    setup: Setup,
+    records: Records,
+}
+
+/// Returns all runs of one seed with the images of `setup`.
+fn flights_of(args: &CoverageArgs, setup: &Setup, records: &Records, crcs: runs::ProgramCrcs) -> Vec<Flight> {
     let duration_ns = (args.seconds * 1e9).round() as u64;
-    let with = if setup.hold.is_some() { "with hold" } else { "without hold" };
-    let kinds = args.faults.clone().unwrap_or_else(|| Kind::ALL.to_vec());
-    let kinds: Vec<Kind> = kinds.into_iter().filter(|kind| !kind.needs_hold() || setup.hold.is_some()).collect();
     let crcs = args.faults.is_none().then_some(crcs);
-    for Run { name, faults, duration_ns, factory_settings, judged } in
-        runs::runs(&kinds, setup.gps, setup.seed, duration_ns, crcs)
-    {
+    let runs = runs::runs(&kinds(args, setup), setup.gps, setup.seed, duration_ns, crcs, setup.hold.is_some());
+    runs.into_iter().map(|run| Flight { run, setup: setup.clone(), records: records.clone() }).collect()
+}
+
+/// The kinds of faults that are asked for and that a bench with this setup can have.
+fn kinds(args: &CoverageArgs, setup: &Setup) -> Vec<Kind> {
+    let kinds = args.faults.clone().unwrap_or_else(|| Kind::ALL.to_vec());
+    kinds.into_iter().filter(|kind| !kind.needs_hold() || setup.hold.is_some()).collect()
+}
+
+/// Flies on two threads, the longest flights first, so that both threads end at about the same time.
+fn fly_all(mut flights: Vec<Flight>) -> Result<()> {
+    flights.sort_by_key(|flight| std::cmp::Reverse(flight.run.duration_ns));
+    let next = Mutex::new(flights.into_iter());
+    let work = || -> Result<()> {
+        loop {
+            let flight = next.lock().unwrap_or_else(PoisonError::into_inner).next();
+            let Some(flight) = flight else { return Ok(()) };
+            flight.fly()?;
+        }
+    };
+    std::thread::scope(|scope| {
+        let threads = [scope.spawn(work), scope.spawn(work)];
+        threads.into_iter().try_for_each(|thread| thread.join().unwrap_or_else(|panic| resume_unwind(panic)))
+    })
+}
+
+impl Flight {
+    fn fly(self) -> Result<()> {
         let began = Instant::now();
-        let verdict = run(&Setup { faults, duration_ns, factory_settings, ..setup.clone() }, records)?;
-        let took = began.elapsed().as_secs_f64();
-        eprintln!(
-            "n = {}, seed {}, {with}: {name}, {:.1} s in {took:.1} s",
-            setup.gps,
-            setup.seed,
-            duration_ns as f64 / 1e9
-        );
+        let Self { run: Run { name, faults, duration_ns, factory_settings, every_message, judged }, setup, records } =
+            self;
+        let with = if setup.hold.is_some() { "with hold" } else { "without hold" };
+        let recording = every_message.then(messages::recording).transpose()?;
+        let recordings = recording.iter().map(|file| Some(file.path().to_owned())).collect();
+        let verdict = run(&Setup { faults, duration_ns, factory_settings, recordings, ..setup.clone() }, &records)?;
+        let (took, virtual_s) = (began.elapsed().as_secs_f64(), duration_ns as f64 / 1e9);
+        eprintln!("n = {}, seed {}, {with}: {name}, {virtual_s:.1} s in {took:.1} s", setup.gps, setup.seed);
         if let Some(first) = verdict.violations.first().filter(|_| judged) {
             bail!("a run with a violation is no evidence ({name}, {with}): {first}");
         }
+        Ok(())
     }
-    let upsets: Vec<Kind> = kinds.into_iter().filter(|kind| kind.is_upset()).collect();
-    if !upsets.is_empty() && args.upsets > 0 {
-        let scope = Scope {
-            kinds: upsets,
-            seed: setup.seed,
-            gps: setup.gps,
-            clock: Clock::Fast,
-            bit_error: 0.0,
-            seconds: args.seconds.ceil() as u64,
-        };
-        let cycles = CYCLES_OF_AN_UPSET * args.upsets as u64;
-        let options = Options { scope, cycles, jobs: 2, shard: Shard::WHOLE };
-        let tally = campaign::run(&Setup { clock: Clock::Fast, ..setup }, &options, Some(records), &|_| ())?;
-        eprintln!("{with}: {} upsets", tally.sum().injected());
+}
+
+/// Upsets copies of the bench, each alone.
+fn upset(args: &CoverageArgs, setup: Setup, records: &Records) -> Result<()> {
+    let kinds: Vec<Kind> = kinds(args, &setup).into_iter().filter(|kind| kind.is_upset()).collect();
+    if kinds.is_empty() || args.upsets == 0 {
+        return Ok(());
     }
+    let with = if setup.hold.is_some() { "with hold" } else { "without hold" };
+    // The bench that is copied flies without faults, which the runs have had.
+    let (seed, gps, clock, seconds) = (setup.seed, setup.gps, Clock::Fast, UPSET_FLIGHT);
+    let scope = Scope { kinds, seed, gps, clock, bit_error: 0.0, seconds };
+    let cycles = CYCLES_OF_AN_UPSET * args.upsets as u64;
+    let options = Options { scope, cycles, jobs: 2, shard: Shard::WHOLE };
+    let tally = campaign::run(&Setup { clock, ..setup }, &options, Some(records), &|_| ())?;
+    eprintln!("{with}: {} upsets", tally.sum().injected());
     Ok(())
 }
 

@@ -181,7 +181,8 @@ impl<C: Cost> Core<C> {
     /// Executes `op` at r15 as [`Core::single`] does, and notes it if there is a record.
     #[inline(never)]
     pub(crate) fn single_noted<B: Bus>(&mut self, bus: &mut B, op: &Op) {
-        let Some(record) = self.record.clone().filter(|_| op.size != 0) else { return self.single(bus, op) };
+        // Taken, not cloned: boards on two threads that share a record would fight over its reference count.
+        let Some(record) = self.record.take_if(|_| op.size != 0) else { return self.single(bus, op) };
         let (pc, retired, outcome) = (self.r[15], self.retired, self.outcome(op));
         self.single(bus, op);
         if self.retired != retired {
@@ -193,5 +194,6 @@ impl<C: Cost> Core<C> {
             };
             record.note(bus, pc, op.size, bits);
         }
+        self.record = Some(record);
     }
 }

@@ -6,7 +6,8 @@ use std::ops::AddAssign;
 use anyhow::{Result, ensure};
 use cortex_m4::coverage::{Flow, Record, Seen};
 
-use super::image::Image;
+use super::callers::follow;
+use super::image::{Image, Instruction};
 use super::paths::doomed;
 use super::source::{Origin, Place, Source};
 
@@ -168,6 +169,8 @@ pub(super) struct Gap {
     pub(super) missing: Missing,
     /// The lines of this workspace, from the innermost to the outermost.
     pub(super) places: Vec<Place>,
+    /// The file of the innermost function if it is one of a library.
+    pub(super) library: String,
 }
 
 /// The coverage of one image.
@@ -198,10 +201,15 @@ pub(super) fn coverage(
     sources: &BTreeMap<String, Source>,
 ) -> Result<Coverage> {
     let doomed = doomed(image, is_panic);
+    let part_of = |(&address, instruction): (&u32, &Instruction)| {
+        let name = &image.functions[instruction.function].name;
+        (address, part(name, doomed.contains(&address), &origins[&address], sources))
+    };
+    let mut parts: BTreeMap<u32, Part> = image.code.iter().map(part_of).collect();
+    follow(image, &mut parts);
     let mut coverage = Coverage::default();
     for (&address, instruction) in &image.code {
-        let origin = &origins[&address];
-        let part = part(&image.functions[instruction.function].name, doomed.contains(&address), origin, sources);
+        let (origin, part) = (&origins[&address], parts[&address]);
         let seen = record.seen(address);
         let counts = coverage.counts.entry(part).or_default();
         counts.instructions.add(seen.executed);
@@ -226,8 +234,8 @@ pub(super) fn coverage(
             }
         }
         let gap = |missing| {
-            let places = origin.places.clone();
-            Gap { address, function: instruction.function, part, missing, places }
+            let (places, library) = (origin.places.clone(), origin.library.clone());
+            Gap { address, function: instruction.function, part, missing, places, library }
         };
         coverage.gaps.extend(missing.into_iter().map(gap));
     }
@@ -275,7 +283,7 @@ mod tests {
     fn image() -> (Image, BTreeMap<u32, Origin>) {
         let image = Image::of(START, &[0x2800, 0xD000, 0xBF00, 0x4770], &[]);
         let place = |address: u32| Place { file: "dpr-fw/src/link.rs".into(), line: (address - START) / 2 + 1 };
-        let origin = |address: u32| Origin { places: vec![place(address)], logs: false };
+        let origin = |address: u32| Origin { places: vec![place(address)], ..Origin::default() };
         let origins = image.code.keys().map(|address| (*address, origin(*address))).collect();
         (image, origins)
     }

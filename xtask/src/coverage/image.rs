@@ -3,7 +3,7 @@
 //! The symbols `$t` and `$d` tell code from the data between it (AAELF32, "mapping symbols"). Bytes that lie in no
 //! function are padding, and so is a `NOP` that execution cannot reach from the instruction before it.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
@@ -46,6 +46,8 @@ pub(super) struct Image {
     pub(super) code: BTreeMap<u32, Instruction>,
     /// The address of the program's CRC, 0 if the image has none.
     pub(super) program_crc: u32,
+    /// The functions whose address data or an instruction holds, so that a register may call them.
+    pub(super) known: BTreeSet<u32>,
     /// The ELF file.
     pub(super) elf: Vec<u8>,
 }
@@ -87,6 +89,10 @@ impl Image {
         functions.dedup_by_key(|function| function.start);
         let mut image = Self { areas, functions, program_crc, ..Self::default() };
         image.decode(&marks);
+        let loaded = [SectionKind::Text, SectionKind::Data, SectionKind::ReadOnlyData];
+        for section in file.sections().filter(|section| loaded.contains(&section.kind())) {
+            image.know_addresses_in(section.data()?);
+        }
         drop(file);
         ensure!(!image.code.is_empty(), "no function in it has symbols");
         Ok(Self { elf, ..image })
@@ -102,6 +108,24 @@ impl Image {
         let marks = std::iter::once(start).chain(data.iter().copied()).zip([true, false].into_iter().cycle());
         image.decode(&marks.collect::<Vec<_>>());
         image
+    }
+
+    /// Notes each function whose address, with bit 0 set, is in `bytes`: as a word, or as the low half in a `MOVW`.
+    fn know_addresses_in(&mut self, bytes: &[u8]) {
+        let halves: Vec<u32> = bytes.as_chunks().0.iter().map(|half| u16::from_le_bytes(*half).into()).collect();
+        let mut words = BTreeSet::new();
+        let mut lows = BTreeSet::new();
+        for pair in halves.windows(2) {
+            let (first, second) = (pair[0], pair[1]);
+            words.insert(second << 16 | first);
+            // MOVW, encoding T3 (ARMv7-M ARM A7.7.76).
+            if first & 0xFBF0 == 0xF240 && second & 0x8000 == 0 {
+                lows.insert((first & 15) << 12 | (first >> 10 & 1) << 11 | (second >> 12 & 7) << 8 | second & 0xFF);
+            }
+        }
+        let starts = self.functions.iter().map(|function| function.start);
+        self.known
+            .extend(starts.filter(|start| words.contains(&(start | 1)) || lows.contains(&((start | 1) & 0xFFFF))));
     }
 
     /// The halfword at `address`, if there is code.
@@ -173,6 +197,19 @@ mod tests {
         let image = Image::of(0x100, &[0x2801, 0xBF0C, 0x2107, 0x2109, 0x4770], &[]);
         let in_block: Vec<_> = image.code.values().map(|instruction| instruction.in_block).collect();
         assert_eq!(in_block, [false, false, true, true, false]);
+    }
+
+    #[test]
+    fn an_address_is_known_from_a_word_and_from_a_movw() {
+        // The function is at 0x8100. movw r0, #0x8101 is F248 1001.
+        let known = |bytes: &[u8]| {
+            let mut image = Image::of(0x8100, &[0x4770], &[]);
+            image.know_addresses_in(bytes);
+            image.known.contains(&0x8100)
+        };
+        assert!(known(&[0x01, 0x81, 0, 0]) && known(&[0, 0, 0x01, 0x81, 0, 0]));
+        assert!(known(&[0x48, 0xF2, 0x01, 0x10]));
+        assert!(!known(&[0x00, 0x81, 0, 0]) && !known(&[0x48, 0xF2, 0x03, 0x10]));
     }
 
     #[test]

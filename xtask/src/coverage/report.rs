@@ -75,8 +75,48 @@ pub(super) fn summary(all: &[Measured], explained: &Explained) -> String {
     text
 }
 
+/// The least shares of instructions and branch outcomes that are to be covered without panics and log, per cent.
+const TARGETS: [(&str, f64); 2] = [("instructions", 95.0), ("branch outcomes", 90.0)];
+
+/// The number of sources that are named with their gaps.
+const NAMED: usize = 20;
+
+/// What is missing to the targets: the shortfall of each image, and the sources with the most open gaps in code that
+/// decides or has a deadline.
+pub(super) fn missing(all: &[Measured], explained: &Explained) -> String {
+    let mut text = String::new();
+    for measured in all {
+        let counts = measured.coverage.sum(|part| Part::COUNTED.contains(&part));
+        for ((what, least), count) in TARGETS.into_iter().zip([counts.instructions, counts.branches]) {
+            let name = &measured.name;
+            let percent = count.percent();
+            let _ = if percent < least {
+                writeln!(text, "- {name}: {percent:.1} % of {what}, {:.1} short of {least} %.", least - percent)
+            } else {
+                writeln!(text, "- {name}: {percent:.1} % of {what}; the target of {least} % is met.")
+            };
+        }
+    }
+    let mut sources: BTreeMap<&str, [u64; 2]> = BTreeMap::new();
+    for (image, measured) in all.iter().enumerate() {
+        let open = |gap: &&Gap| gap.part.must_be_explained() && !explained.gaps.contains(&(image, gap.address));
+        for gap in measured.coverage.gaps.iter().filter(open) {
+            let Some(place) = gap.places.first() else { continue };
+            sources.entry(&place.file).or_default()[usize::from(gap.missing != Missing::Execution)] += 1;
+        }
+    }
+    let mut sources: Vec<_> = sources.into_iter().collect();
+    sources.sort_by_key(|(file, [code, ways])| (std::cmp::Reverse(code + ways), *file));
+    text += "\n| code with open gaps, deciding or in the deadline path | never executed | one way \
+             only |\n|---|---|---|\n";
+    for (file, [code, ways]) in sources.iter().take(NAMED) {
+        let _ = writeln!(text, "| `{file}` | {code} | {ways} |");
+    }
+    text
+}
+
 /// The page for docs/safety.
-pub(super) fn page(command: &str, summary: &str) -> String {
+pub(super) fn page(command: &str, summary: &str, missing: &str) -> String {
     format!(
         "# Object-code coverage\n\n\
          Which instructions of the release images the bench has executed, and which branches went both ways.\n\
@@ -85,9 +125,11 @@ pub(super) fn page(command: &str, summary: &str) -> String {
          on the fast clock, which also lists each gap by function and source line.\n\
          The runs: `xtask/src/coverage/runs.rs`.\n\
          The suites on the boards are other images and do not count. An instruction leads only to a panic if each path \
-         from it\nends in one; those, and what formats the log, are counted by themselves. A branch has two outcomes, \
-         without one that\nleads only to a panic; so has an instruction in an IT block, which is skipped or not. \
-         What decides and what has a\ndeadline: `xtask/src/coverage/gaps.rs`.\n\n{summary}"
+         from it\nends in one; those, what formats the log, and functions of libraries that only these call, are \
+         counted by themselves.\nA branch has two outcomes, without one that leads only to a panic; so has an \
+         instruction in an IT block, which is\nskipped or not. What decides and what has a deadline: \
+         `xtask/src/coverage/gaps.rs`.\n\n## What is missing\n\n\
+         {missing}\n## Totals\n\n{summary}"
     )
 }
 
@@ -124,6 +166,7 @@ pub(super) fn json(all: &[Measured]) -> Value {
             "part": gap.part.name(),
             "missing": gap.missing.words(),
             "lines": places,
+            "library": gap.library,
         })
     };
     let image = |measured: &Measured| {
@@ -146,6 +189,7 @@ mod tests {
             part: Part::Deciding,
             missing: Missing::Taken,
             places: vec![place.clone()],
+            library: String::new(),
         };
         let coverage = Coverage { counts: BTreeMap::new(), gaps: vec![gap] };
         let functions = vec![Function { name: "judge".into(), start: 0x100, end: 0x200 }];
@@ -154,6 +198,10 @@ mod tests {
         assert_eq!(open, "dpr-fw\n  judge\n    dpr-fw/src/link.rs:7: 1 x branch never taken\n");
         let explained = Explained { gaps: [(0, 0x100)].into(), ..Explained::default() };
         assert_eq!(text(&all, &explained), "dpr-fw\n");
+        let lacks = "- dpr-fw: 0.0 % of instructions, 95.0 short of 95 %.";
+        let row = "| `dpr-fw/src/link.rs` | 0 | 1 |";
+        assert!(missing(&all, &Explained::default()).lines().any(|line| line == lacks));
+        assert!(missing(&all, &Explained::default()).contains(row) && !missing(&all, &explained).contains(row));
         assert_eq!(json(&all)[0]["gaps"][0]["lines"][0], "dpr-fw/src/link.rs:7");
     }
 }

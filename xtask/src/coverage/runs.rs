@@ -6,14 +6,18 @@
 //! | factory settings | receivers that start with their factory settings |
 //! | each kind of fault, and all together | drawn from the seed, as `sim --faults` draws them |
 //! | without crystal | HORUS's crystal is dead from its start |
+//! | crystal fails | HORUS's crystal dies in flight |
+//! | tasks out of order | each task of either board is dead, and then runs although nothing has called it |
+//! | chips broken at the start | either board restarts beside each way in which its front end's chip can fail |
+//! | every message | a receiver sends each UBX message that the parser knows, in many lengths |
 //! | tasks that fault | each task of either board executes an undefined instruction, one after the other |
 //! | wrong flash | either board starts with a program that its CRC does not fit |
 //! | upsets | bits of RAM, flash and registers, each on a copy of the bench |
 //!
-//! The last three damage the firmware itself, so the judge's verdict on them is not asked for. In all others a
-//! violation makes the run worthless as evidence.
+//! In the plain run, with factory settings and with drawn faults, a violation makes the run worthless as evidence. The
+//! others damage more at once than the link must bear, or the firmware itself, so the judge's verdict is not asked for.
 
-use bench::faults::{Board, Fault, Faults, ImageFault, Kind, PowerFault, tasks_of};
+use bench::faults::{Board, ChipFault, Fault, Faults, ImageFault, Kind, PowerFault, tasks_of};
 
 /// The time that a board has from one damage to the next, ns: for the watchdog's reset and the start after it.
 const BETWEEN: u64 = 1_200_000_000;
@@ -24,6 +28,9 @@ const DAMAGED: u64 = 60_000_000;
 /// How long the program's CRC stays wrong, ns: over several starts.
 const UNSEALED: u64 = 400_000_000;
 
+/// The time in which a receiver has sent every message, ns.
+const MESSAGES_NS: u64 = 14_000_000_000;
+
 /// A run of the link.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Run {
@@ -31,6 +38,8 @@ pub(super) struct Run {
     pub(super) faults: Faults,
     pub(super) duration_ns: u64,
     pub(super) factory_settings: bool,
+    /// Whether receiver 1 sends every message that the parser knows ([`super::messages`]).
+    pub(super) every_message: bool,
     /// Whether a violation makes the run worthless.
     pub(super) judged: bool,
 }
@@ -39,26 +48,55 @@ pub(super) struct Run {
 pub(super) type ProgramCrcs = [u32; 2];
 
 /// Returns the runs of `duration_ns` with faults of `kinds`, and with damaged programs if `crcs` is given.
-pub(super) fn runs(kinds: &[Kind], gps: usize, seed: u64, duration_ns: u64, crcs: Option<ProgramCrcs>) -> Vec<Run> {
-    let plain =
-        Run { name: "plain".into(), faults: Faults::none(), duration_ns, factory_settings: false, judged: true };
-    let drawn = |name: String, kinds: &[Kind]| {
-        let faults = Faults::drawn(kinds, gps, seed, duration_ns);
-        Run { name, faults, ..plain.clone() }
+///
+/// Beside a hold come only the runs that its DPR can notice: HORUS's image is the same with a hold and without.
+pub(super) fn runs(
+    kinds: &[Kind],
+    gps: usize,
+    seed: u64,
+    duration_ns: u64,
+    crcs: Option<ProgramCrcs>,
+    hold: bool,
+) -> Vec<Run> {
+    let plain = Run {
+        name: "plain".into(),
+        faults: Faults::none(),
+        duration_ns,
+        factory_settings: false,
+        every_message: false,
+        judged: true,
     };
-    let kinds: Vec<Kind> = kinds.iter().copied().filter(|kind| !kind.is_upset()).collect();
+    let drawn = |name: String, kinds: &[Kind]| {
+        // These two kinds have several times as many faults as any other.
+        let many = matches!(kinds, [Kind::Gnss | Kind::Hold]);
+        let duration_ns = if many { 3 * duration_ns } else { duration_ns };
+        let faults = Faults::drawn(kinds, gps, seed, duration_ns);
+        Run { name, faults, duration_ns, ..plain.clone() }
+    };
+    let of_horus = |kind: &Kind| matches!(kind, Kind::Gnss | Kind::Inputs);
+    let kinds: Vec<Kind> = kinds.iter().copied().filter(|kind| !kind.is_upset() && !(hold && of_horus(kind))).collect();
+    let boards: &[Board] = if hold { &[Board::Dpr] } else { &[Board::Horus, Board::Dpr] };
     let mut runs = vec![plain.clone()];
     runs.extend(kinds.iter().map(|kind| drawn(kind.to_string(), &[*kind])));
     let Some(crcs) = crcs else { return runs };
-    runs.push(Run { name: "factory settings".into(), factory_settings: true, ..plain.clone() });
     runs.push(drawn("all kinds".into(), &kinds));
+    let unjudged = |name: &str, faults, duration_ns| {
+        let name = name.to_owned();
+        Run { name, faults, duration_ns, factory_settings: false, every_message: false, judged: false }
+    };
+    let (faults, end) = out_of_order(boards);
+    runs.push(unjudged("tasks out of order", faults, end));
+    let (faults, end) = broken_at_the_start(boards);
+    runs.push(unjudged("chips broken at the start", faults, end));
+    if hold {
+        runs.push(damaged(Board::Dpr, crcs[1]));
+        return runs;
+    }
+    runs.push(Run { name: "factory settings".into(), factory_settings: true, ..plain.clone() });
     let dead = Fault::Power(Board::Horus, PowerFault::CrystalDead);
-    runs.push(Run {
-        name: "without crystal".into(),
-        faults: Faults::none().with(0, u64::MAX, dead),
-        judged: false,
-        ..plain.clone()
-    });
+    runs.push(unjudged("without crystal", Faults::none().with(0, u64::MAX, dead.clone()), 3 * BETWEEN));
+    runs.push(unjudged("crystal fails", Faults::none().with(BETWEEN, u64::MAX, dead), 3 * BETWEEN));
+    runs.push(Run { every_message: true, ..unjudged("every message", Faults::none(), MESSAGES_NS) });
     for (board, crc) in [Board::Horus, Board::Dpr].into_iter().zip(crcs) {
         runs.push(damaged(board, crc));
     }
@@ -78,7 +116,35 @@ fn damaged(board: Board, crc: u32) -> Run {
     faults = faults.with(at, at + UNSEALED, Fault::Image(board, wrong));
     faults = faults.with(at + 1_000_000, at + 1_000_000, Fault::Power(board, PowerFault::Pin));
     let name = format!("damaged {}", bench::faults::name_of(board));
-    Run { name, faults, duration_ns: at + 2 * BETWEEN, factory_settings: false, judged: false }
+    let duration_ns = at + 2 * BETWEEN;
+    Run { name, faults, duration_ns, factory_settings: false, every_message: false, judged: false }
+}
+
+/// Each task of `boards` dead, and then run without a call; and the end, ns.
+fn out_of_order(boards: &[Board]) -> (Faults, u64) {
+    let (mut faults, mut at) = (Faults::none(), BETWEEN);
+    for &board in boards {
+        for task in 0..tasks_of(board).len() as u8 {
+            for fault in [Fault::DeadTask(board, task), Fault::Spurious(board, task)] {
+                faults = faults.with(at, at, fault);
+                at += BETWEEN / 2;
+            }
+        }
+    }
+    (faults, at + BETWEEN)
+}
+
+/// Each fault of a front end while its board restarts; and the end, ns.
+fn broken_at_the_start(boards: &[Board]) -> (Faults, u64) {
+    let (mut faults, mut at) = (Faults::none(), BETWEEN);
+    for &board in boards {
+        for fault in ChipFault::ALL {
+            faults = faults.with(at, at + BETWEEN / 2, Fault::Chip(board, fault));
+            faults = faults.with(at + 1_000_000, at + 1_000_000, Fault::Power(board, PowerFault::Pin));
+            at += BETWEEN;
+        }
+    }
+    (faults, at + BETWEEN)
 }
 
 #[cfg(test)]
@@ -87,7 +153,7 @@ mod tests {
 
     #[test]
     fn each_kind_that_can_be_drawn_into_a_run_has_a_run() {
-        let runs = runs(&Kind::ALL, 3, 1, 4_000_000_000, Some([0x100, 0x200]));
+        let runs = runs(&Kind::ALL, 3, 1, 12_000_000_000, Some([0x100, 0x200]), false);
         for kind in Kind::ALL.into_iter().filter(|kind| !kind.is_upset()) {
             let run = runs.iter().find(|run| run.name == kind.to_string()).unwrap();
             assert!(!run.faults.episodes().is_empty() && run.judged, "{kind}");

@@ -32,6 +32,8 @@ pub(super) struct Origin {
     pub(super) places: Vec<Place>,
     /// Whether it belongs to the logger, whose code is inlined where a message is written.
     pub(super) logs: bool,
+    /// The file of the innermost function if it is one of a library, inlined or not; else empty.
+    pub(super) library: String,
 }
 
 /// Returns the origin of each instruction, by its address.
@@ -54,7 +56,11 @@ pub(super) fn origins(image: &Image) -> Result<BTreeMap<u32, Origin>> {
                 continue;
             };
             origin.logs |= file.contains("/defmt");
-            if let Some(file) = file.strip_prefix(&root).filter(|file| !file.starts_with("target/")) {
+            let own = file.strip_prefix(&root).filter(|file| !file.starts_with("target/"));
+            if origin.places.is_empty() && origin.library.is_empty() && own.is_none() {
+                origin.library = file.to_owned();
+            }
+            if let Some(file) = own {
                 origin.places.push(Place { file: file.to_owned(), line });
             }
         }
