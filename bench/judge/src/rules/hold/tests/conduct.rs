@@ -69,7 +69,7 @@ fn executes(command: Option<Command>, after: impl FnOnce(&mut HoldValues)) -> Ve
 }
 
 #[test]
-fn set_point_and_lock_change_by_commands_that_came_alone() {
+fn set_point_and_lock_change_only_by_commands_that_came() {
     let wrong = [Violation::HoldCommand];
     let done = |writer: usize, number| {
         move |now: &mut HoldValues| now.acknowledged[writer] = Acknowledged::new(number, Outcome::Done)
@@ -236,4 +236,29 @@ fn what_the_hold_complains_of_is_a_violation() {
     assert_eq!(says(HoldEvent::Finding { text: "guard".into() }), wrong);
     assert_eq!(says(HoldEvent::Reset { cause: Cause::Watchdog, asked: false }), wrong);
     assert_eq!(says(HoldEvent::Reset { cause: Cause::Watchdog, asked: true }), []);
+}
+
+#[test]
+fn a_frame_that_breaks_off_is_no_status_and_no_wrong_answer() {
+    let mut events = run();
+    let broken = |started, payload: &[u8]| HoldFrame { whole: false, ..frame(started, payload) };
+    events.add(200 * MS, What::Hold(HoldEvent::Sent(broken(199 * MS, &status(100)))));
+    assert_eq!(violations(events.end(301 * MS)), [Violation::HoldSilent]);
+    let answered = |answer: HoldFrame| {
+        let mut events = run();
+        events.add(200 * MS, What::Hold(HoldEvent::Heard(frame(199 * MS, &status(200)))));
+        events.add(204 * MS, What::Hold(HoldEvent::Answered(answer)));
+        violations(&events)
+    };
+    assert_eq!(answered(broken(202 * MS, &[7; 50])), []);
+    assert_eq!(answered(frame(202 * MS, &[7; 50])), [Violation::HoldAnswer]);
+}
+
+#[test]
+fn a_dpr_with_a_disturbed_supply_may_misuse_its_second_front_end() {
+    let mut events = run();
+    let disturbs = Disturbance::Supply { board: Board::Dpr };
+    events.add(50 * MS, testing::injected(disturbs, 150 * MS));
+    events.add(100 * MS, What::Hold(HoldEvent::PortMisuse { text: "SPI access without supply".into() }));
+    assert_eq!(violations(&events), []);
 }
