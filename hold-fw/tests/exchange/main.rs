@@ -116,6 +116,7 @@ fn a_frame_is_never_changed_while_it_is_loaded() {
     assert_eq!(telemetry.frames_skipped.get(), 2);
     world.late_ns = 50_000;
     assert_eq!(ticks(&world.run(3, status), &config), [5, 6, 7]);
+    assert_eq!(telemetry.frames_skipped.get(), 2);
 }
 
 #[test]
@@ -132,6 +133,7 @@ fn a_chip_that_loses_its_supply_is_brought_up_again() {
     assert_eq!(sent.last(), Some(&28));
     assert!(sent.len() > 8, "{sent:?}");
     assert!(telemetry.rf_recoveries.get() == 1 && telemetry.rf_faults.get() > 1);
+    assert!(world.link.take_fault().is_some() && world.link.take_fault().is_none());
 }
 
 #[test]

@@ -69,7 +69,7 @@ fn executes(command: Option<Command>, after: impl FnOnce(&mut HoldValues)) -> Ve
 }
 
 #[test]
-fn set_point_and_lock_change_by_commands_that_came_alone() {
+fn set_point_and_lock_change_only_by_commands_that_came() {
     let wrong = [Violation::HoldCommand];
     let done = |writer: usize, number| {
         move |now: &mut HoldValues| now.acknowledged[writer] = Acknowledged::new(number, Outcome::Done)
@@ -114,6 +114,21 @@ fn a_command_that_came_three_times_each_later_is_acknowledged() {
     assert_eq!(came(&[7, 8], none), []);
     assert_eq!(came(&[7, 8, 8], none), [], "the same one twice");
     assert_eq!(came(&[7, 8, 9], Acknowledged::new(1, Outcome::Done)), []);
+}
+
+#[test]
+fn after_power_on_no_earlier_command_is_acknowledged() {
+    let acknowledges = |restart: HoldEvent| {
+        let mut events = run();
+        commands(&mut events, 90 * MS, 7, (0, 1, 2, 0.0));
+        events.add(100 * MS, What::Hold(restart));
+        sends(&mut events, 200 * MS, &says(0, NO_COMMAND()));
+        let done = Acknowledged::new(1, Outcome::Done);
+        sends(&mut events, 300 * MS, &says(100, [done, Acknowledged::default()]));
+        violations(&events)
+    };
+    assert_eq!(acknowledges(HoldEvent::Power { on: true }), [Violation::HoldCommand]);
+    assert_eq!(acknowledges(HoldEvent::Reset { cause: Cause::Pin, asked: true }), []);
 }
 
 /// Returns the violations of a hold that has stated these outputs, at 20 °C, 40 % and 3 V, and whose payload shows
@@ -204,14 +219,14 @@ fn a_frame_that_is_shown_is_answered() {
 }
 
 #[test]
-fn an_object_is_shown_for_its_time_and_no_longer() {
+fn an_object_is_shown_for_338_500_us_at_most() {
     let shown = |after: u64| {
         let mut events = run();
         exchange(&mut events, 200 * MS, 200);
         read(&mut events, 200 * MS + after, &status(200));
         violations(&events)
     };
-    assert_eq!((shown(SHOWN_FOR), shown(SHOWN_FOR + 1)), (vec![], vec![Violation::HoldShown]));
+    assert_eq!((shown(338_500_000), shown(338_500_001)), (vec![], vec![Violation::HoldShown]));
 }
 
 #[test]
@@ -221,4 +236,29 @@ fn what_the_hold_complains_of_is_a_violation() {
     assert_eq!(says(HoldEvent::Finding { text: "guard".into() }), wrong);
     assert_eq!(says(HoldEvent::Reset { cause: Cause::Watchdog, asked: false }), wrong);
     assert_eq!(says(HoldEvent::Reset { cause: Cause::Watchdog, asked: true }), []);
+}
+
+#[test]
+fn a_frame_that_breaks_off_is_no_status_and_no_wrong_answer() {
+    let mut events = run();
+    let broken = |started, payload: &[u8]| HoldFrame { whole: false, ..frame(started, payload) };
+    events.add(200 * MS, What::Hold(HoldEvent::Sent(broken(199 * MS, &status(100)))));
+    assert_eq!(violations(events.end(301 * MS)), [Violation::HoldSilent]);
+    let answered = |answer: HoldFrame| {
+        let mut events = run();
+        events.add(200 * MS, What::Hold(HoldEvent::Heard(frame(199 * MS, &status(200)))));
+        events.add(204 * MS, What::Hold(HoldEvent::Answered(answer)));
+        violations(&events)
+    };
+    assert_eq!(answered(broken(202 * MS, &[7; 50])), []);
+    assert_eq!(answered(frame(202 * MS, &[7; 50])), [Violation::HoldAnswer]);
+}
+
+#[test]
+fn a_dpr_with_a_disturbed_supply_may_misuse_its_second_front_end() {
+    let mut events = run();
+    let disturbs = Disturbance::Supply { board: Board::Dpr };
+    events.add(50 * MS, testing::injected(disturbs, 150 * MS));
+    events.add(100 * MS, What::Hold(HoldEvent::PortMisuse { text: "SPI access without supply".into() }));
+    assert_eq!(violations(&events), []);
 }
