@@ -72,6 +72,7 @@ mod app {
     use defmt_rtt as _;
     use firmware_common::{
         check_in::CheckIn,
+        checked::Checked,
         flow::Flow,
         last_stop::{self, Cause, Stop},
         mpu,
@@ -117,18 +118,17 @@ mod app {
     #[shared]
     struct Shared {
         transmitter: Transmitter<'static, Radio>,
-        solutions: [Solution; RECEIVERS],
+        solutions: [Checked<Solution>; RECEIVERS],
         #[lock_free]
-        cycle: Cycle<RECEIVERS>,
+        cycle: Checked<Cycle<RECEIVERS>>,
         #[lock_free]
-        lines: [GnssLine; RECEIVERS],
+        lines: [Checked<GnssLine>; RECEIVERS],
     }
 
     #[local]
     struct Local {
         timer: CycleTimer,
-        receivers: [Receiver; RECEIVERS],
-        readers: [Reader; RECEIVERS],
+        receivers: [Checked<(Receiver, Reader)>; RECEIVERS],
         configurations: [Configuration; RECEIVERS],
         watchdog: IndependentWatchdog,
         patrol: Patrol,
@@ -202,7 +202,7 @@ mod app {
 
         let radio = Radio::new(&mut rcc, device.SPI1, device.TIM5, device.SYSCFG, &device.EXTI);
         state_inputs::set_up();
-        let lines = GnssLine::all(&mut rcc);
+        let lines = GnssLine::all(&mut rcc).map(Checked::new);
         let transmitter = Transmitter::start(PollerConfig::new(), &HORUS_TELEMETRY, radio);
         let mut timer = CycleTimer::new(device.TIM2);
         timer.start(&mut cx.core.SYST);
@@ -231,11 +231,15 @@ mod app {
         let patrol = Patrol::new(layout, integrity::RATE, &mut memory);
         mpu::apply(&mut cx.core.MPU, &protection::TASKS);
         (
-            Shared { transmitter, solutions: [Solution::default(); RECEIVERS], cycle, lines },
+            Shared {
+                transmitter,
+                solutions: core::array::from_fn(|_| Checked::new(Solution::default())),
+                cycle: Checked::new(cycle),
+                lines,
+            },
             Local {
                 timer,
-                receivers: core::array::from_fn(|_| Receiver::new()),
-                readers: [Reader::new(); RECEIVERS],
+                receivers: core::array::from_fn(|_| Checked::new((Receiver::new(), Reader::new()))),
                 configurations: core::array::from_fn(gnss::configuration),
                 watchdog,
                 patrol,
@@ -304,6 +308,19 @@ mod app {
 
     fn stop_out_of_order(step: Step) -> ! {
         stop("flow", Stop::new(Cause::Flow, safe_state::active_exception(), step as u32))
+    }
+
+    /// Verifies what was kept since the last task, changes it by `with`, and checks it anew. HORUS stops if a bit of it
+    /// has flipped.
+    fn change<T, R>(kept: &mut Checked<T>, with: impl FnOnce(&mut T) -> R) -> R {
+        match kept.change(with) {
+            Some(result) => result,
+            None => stop_changed(kept.address()),
+        }
+    }
+
+    fn stop_changed(address: u32) -> ! {
+        stop("kept state", Stop::new(Cause::Ram, safe_state::active_exception(), address))
     }
 
     /// Stops HORUS because of `stop`, which the check of `what` has found.
@@ -385,8 +402,8 @@ mod app {
         let begun = DWT::cycle_count();
         begin(Step::Cycle);
         let tick = cycle_timer::tick();
-        cx.shared.cycle.sample(state_inputs::levels());
-        let profile = cx.shared.solutions.lock(|solutions| cx.shared.cycle.fill(tick, solutions));
+        // `vote` verifies both while the frame is on air: before the slot there is no time for it.
+        let profile = cx.shared.solutions.lock(|solutions| cx.shared.cycle.get().fill(tick, solutions));
         HORUS_TELEMETRY.worst_fill_cycles.record_max(DWT::cycle_count().wrapping_sub(begun));
         cx.shared.transmitter.lock(|transmitter| transmitter.offer(tick, &profile));
         CHECK_IN.check_in(Task::cycle);
@@ -397,9 +414,18 @@ mod app {
     fn vote(mut cx: vote::Context) {
         begin(Step::Vote);
         let tick = cycle_timer::tick();
-        let cycle = cx.shared.cycle;
-        cx.shared.solutions.lock(|solutions| cycle.vote(tick.wrapping_add(1), solutions));
-        hw::reset::keep_exclusions(cycle.excluded());
+        let levels = state_inputs::levels();
+        let excluded = cx.shared.solutions.lock(|solutions| {
+            if let Some(changed) = solutions.iter().find(|solution| !solution.is_intact()) {
+                stop_changed(changed.address());
+            }
+            change(cx.shared.cycle, |cycle| {
+                cycle.sample(levels);
+                cycle.vote(tick.wrapping_add(1), solutions);
+                cycle.excluded()
+            })
+        });
+        hw::reset::keep_exclusions(excluded);
         cycle_timer::cycle_ended(tick);
         CHECK_IN.check_in(Task::vote);
         settle();
@@ -409,7 +435,7 @@ mod app {
     fn gnss_tick(cx: gnss_tick::Context) {
         begin(Step::GnssTick);
         for line in cx.shared.lines {
-            line.poll();
+            change(line, GnssLine::poll);
         }
         board::call(Task::parse);
         board::ask_for_signs_of_life();
@@ -417,9 +443,9 @@ mod app {
         settle();
     }
 
-    fn serve(task: Task, lines: &mut [GnssLine; RECEIVERS], (index, vector): (usize, Vector)) {
+    fn serve(task: Task, lines: &mut [Checked<GnssLine>; RECEIVERS], (index, vector): (usize, Vector)) {
         if let Some(line) = lines.get_mut(index) {
-            if line.interrupt(vector) {
+            if change(line, |line| line.interrupt(vector)) {
                 board::call(Task::parse);
             }
         }
@@ -482,21 +508,30 @@ mod app {
         serve(Task::gnss5_ring, cx.shared.lines, const { source_of(Task::gnss5_ring) });
     }
 
-    #[task(binds = CAN1_RX1, priority = 1, local = [receivers, readers, configurations], shared = [solutions])]
+    #[task(binds = CAN1_RX1, priority = 1, local = [receivers, configurations], shared = [solutions])]
     fn parse(mut cx: parse::Context) {
         let mut more = false;
         let now = cycle_timer::now_ms();
-        for (index, (receiver, reader)) in cx.local.receivers.iter_mut().zip(cx.local.readers.iter_mut()).enumerate() {
+        for (index, kept) in cx.local.receivers.iter_mut().enumerate() {
             let ring = buffers::ring(index);
             let written = ring.written();
-            let span = reader.take(written, RING, BYTES_PER_CALL);
-            let mut bytes = [0; BYTES_PER_CALL];
-            receiver.receive(ring.copy_out(span, &mut bytes), now);
-            cx.shared.solutions.lock(|solutions| {
-                if let Some(solution) = solutions.get_mut(index) {
-                    *solution = *receiver.solution();
-                }
-            });
+            let (receiver, reader) = kept.get();
+            let mut answer = None;
+            // Most calls find nothing to do for most receivers, and then need not verify what they do not use.
+            if reader.waiting(written) > 0 || receiver.is_due(now) {
+                answer = change(kept, |(receiver, reader)| {
+                    let span = reader.take(written, RING, BYTES_PER_CALL);
+                    let mut bytes = [0; BYTES_PER_CALL];
+                    receiver.receive(ring.copy_out(span, &mut bytes), now);
+                    receiver.take_answer()
+                });
+                cx.shared.solutions.lock(|solutions| {
+                    if let Some(solution) = solutions.get_mut(index) {
+                        solution.set(*kept.get().0.solution());
+                    }
+                });
+            }
+            let (receiver, reader) = kept.get();
             more |= reader.waiting(written) > 0;
 
             let (line, counts) = (&HORUS_TELEMETRY.lines[index], receiver.counts());
@@ -508,7 +543,7 @@ mod app {
             line.skipped.set(counts.skipped());
 
             let configuration = &mut cx.local.configurations[index];
-            if let Some(message) = configuration.poll(now, counts.messages, receiver.take_answer()) {
+            if let Some(message) = configuration.poll(now, counts.messages, answer) {
                 // A message that finds the outbox full gets no answer, and is therefore sent again.
                 buffers::outbox(index).put(&message);
             }

@@ -95,9 +95,9 @@ pub(crate) const DEFECTS: &[Defect] = &[
 
     row("buses-not-polled", "the tick serves the first receiver alone",
         edit(HORUS,
-          "for line in cx.shared.lines {\n            line.poll();",
+          "for line in cx.shared.lines {\n            change(line, GnssLine::poll);",
           "for (nth, line) in cx.shared.lines.iter_mut().enumerate() {\n            if DEFECT && nth > 0 \
-          {\n                continue;\n            }\n            line.poll();"),
+          {\n                continue;\n            }\n            change(line, GnssLine::poll);"),
         PLAIN, By(V::NotRead)),
     row("receivers-not-configured", "no settings are sent to any receiver",
         edit(HORUS, "buffers::outbox(index).put(&message);", "let _ = &message;"),
@@ -290,8 +290,8 @@ pub(crate) const DEFECTS: &[Defect] = &[
 
     row("timestamp-of-the-tick-before", "the profile has the timestamp of the tick before",
         edit(HORUS,
-          "cx.shared.cycle.fill(tick, solutions)",
-          "cx.shared.cycle.fill(if DEFECT { tick.wrapping_sub(1) } else { tick }, solutions)"),
+          "cx.shared.cycle.get().fill(tick, solutions)",
+          "cx.shared.cycle.get().fill(if DEFECT { tick.wrapping_sub(1) } else { tick }, solutions)"),
         PLAIN, By(V::TimestampWrong)),
     row("every-other-cycle", "a profile is offered in every other cycle",
         edit(HORUS,
