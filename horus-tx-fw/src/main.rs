@@ -122,7 +122,7 @@ mod app {
         #[lock_free]
         cycle: Checked<Cycle<RECEIVERS>>,
         #[lock_free]
-        lines: [Checked<GnssLine>; RECEIVERS],
+        lines: [GnssLine; RECEIVERS],
     }
 
     #[local]
@@ -202,7 +202,7 @@ mod app {
 
         let radio = Radio::new(&mut rcc, device.SPI1, device.TIM5, device.SYSCFG, &device.EXTI);
         state_inputs::set_up();
-        let lines = GnssLine::all(&mut rcc).map(Checked::new);
+        let lines = GnssLine::all(&mut rcc);
         let transmitter = Transmitter::start(PollerConfig::new(), &HORUS_TELEMETRY, radio);
         let mut timer = CycleTimer::new(device.TIM2);
         timer.start(&mut cx.core.SYST);
@@ -435,7 +435,7 @@ mod app {
     fn gnss_tick(cx: gnss_tick::Context) {
         begin(Step::GnssTick);
         for line in cx.shared.lines {
-            change(line, GnssLine::poll);
+            line.poll();
         }
         board::call(Task::parse);
         board::ask_for_signs_of_life();
@@ -443,9 +443,9 @@ mod app {
         settle();
     }
 
-    fn serve(task: Task, lines: &mut [Checked<GnssLine>; RECEIVERS], (index, vector): (usize, Vector)) {
+    fn serve(task: Task, lines: &mut [GnssLine; RECEIVERS], (index, vector): (usize, Vector)) {
         if let Some(line) = lines.get_mut(index) {
-            if change(line, |line| line.interrupt(vector)) {
+            if line.interrupt(vector) {
                 board::call(Task::parse);
             }
         }

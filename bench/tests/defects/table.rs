@@ -95,9 +95,9 @@ pub(crate) const DEFECTS: &[Defect] = &[
 
     row("buses-not-polled", "the tick serves the first receiver alone",
         edit(HORUS,
-          "for line in cx.shared.lines {\n            change(line, GnssLine::poll);",
+          "for line in cx.shared.lines {\n            line.poll();",
           "for (nth, line) in cx.shared.lines.iter_mut().enumerate() {\n            if DEFECT && nth > 0 \
-          {\n                continue;\n            }\n            change(line, GnssLine::poll);"),
+          {\n                continue;\n            }\n            line.poll();"),
         PLAIN, By(V::NotRead)),
     row("receivers-not-configured", "no settings are sent to any receiver",
         edit(HORUS, "buffers::outbox(index).put(&message);", "let _ = &message;"),
