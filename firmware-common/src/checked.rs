@@ -38,10 +38,16 @@ impl<T> Checked<T> {
         Self { state, check: Self::UNCHANGED }
     }
 
+    /// Whether the state has never been changed, and so has no check word yet.
+    #[must_use]
+    pub fn is_unchanged(&self) -> bool {
+        self.check == Self::UNCHANGED
+    }
+
     /// Whether the state is as the last change has left it.
     #[must_use]
     pub fn is_intact(&self) -> bool {
-        self.check == Self::UNCHANGED || self.check == self.sum()
+        self.is_unchanged() || self.check == self.sum()
     }
 
     /// Returns the state, and does not verify it. Whoever acts on it has to ask [`Checked::is_intact`] before the

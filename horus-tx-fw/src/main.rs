@@ -89,6 +89,7 @@ mod app {
         reset,
         ring::Reader,
         source::{Vector, RING},
+        state_inputs::{Levels, INPUTS},
         supply,
         task::Task,
         timing,
@@ -121,6 +122,9 @@ mod app {
         solutions: [Checked<Solution>; RECEIVERS],
         #[lock_free]
         cycle: Checked<Cycle<RECEIVERS>>,
+        /// The levels of the state inputs at the tick, on their way to the vote.
+        #[lock_free]
+        levels: Option<[Levels; INPUTS]>,
         #[lock_free]
         lines: [GnssLine; RECEIVERS],
     }
@@ -235,6 +239,7 @@ mod app {
                 transmitter,
                 solutions: core::array::from_fn(|_| Checked::new(Solution::default())),
                 cycle: Checked::new(cycle),
+                levels: None,
                 lines,
             },
             Local {
@@ -319,6 +324,16 @@ mod app {
         }
     }
 
+    /// Returns the number of the tick. HORUS stops if the last vote was for another one: each cycle has one vote for the
+    /// next tick, so the count of ticks has changed in between. Cycles are left out while a debugger halts the processor.
+    fn tick_of(cycle: &Checked<Cycle<RECEIVERS>>) -> u32 {
+        let tick = cycle_timer::tick();
+        if !cycle.get().has_voted_for(tick) && !cfg!(feature = "debugger-stops-watchdog") {
+            stop_changed(cycle.address());
+        }
+        tick
+    }
+
     fn stop_changed(address: u32) -> ! {
         stop("kept state", Stop::new(Cause::Ram, safe_state::active_exception(), address))
     }
@@ -397,11 +412,12 @@ mod app {
         settle();
     }
 
-    #[task(binds = CAN1_RX0, priority = 3, shared = [cycle, transmitter, solutions])]
+    #[task(binds = CAN1_RX0, priority = 3, shared = [cycle, levels, transmitter, solutions])]
     fn cycle(mut cx: cycle::Context) {
         let begun = DWT::cycle_count();
         begin(Step::Cycle);
-        let tick = cycle_timer::tick();
+        let tick = tick_of(cx.shared.cycle);
+        *cx.shared.levels = Some(state_inputs::levels());
         // `vote` verifies both while the frame is on air: before the slot there is no time for it.
         let profile = cx.shared.solutions.lock(|solutions| cx.shared.cycle.get().fill(tick, solutions));
         HORUS_TELEMETRY.worst_fill_cycles.record_max(DWT::cycle_count().wrapping_sub(begun));
@@ -410,17 +426,19 @@ mod app {
         settle();
     }
 
-    #[task(binds = CAN2_RX0, priority = 3, shared = [cycle, solutions])]
+    #[task(binds = CAN2_RX0, priority = 3, shared = [cycle, levels, solutions])]
     fn vote(mut cx: vote::Context) {
         begin(Step::Vote);
-        let tick = cycle_timer::tick();
-        let levels = state_inputs::levels();
+        let tick = tick_of(cx.shared.cycle);
+        let levels = cx.shared.levels.take();
         let excluded = cx.shared.solutions.lock(|solutions| {
             if let Some(changed) = solutions.iter().find(|solution| !solution.is_intact()) {
                 stop_changed(changed.address());
             }
             change(cx.shared.cycle, |cycle| {
-                cycle.sample(levels);
+                if let Some(levels) = levels {
+                    cycle.sample(levels);
+                }
                 cycle.vote(tick.wrapping_add(1), solutions);
                 cycle.excluded()
             })
@@ -518,7 +536,7 @@ mod app {
             let (receiver, reader) = kept.get();
             let mut answer = None;
             // Most calls find nothing to do for most receivers, and then need not verify what they do not use.
-            if reader.waiting(written) > 0 || receiver.is_due(now) {
+            if reader.waiting(written) > 0 || receiver.is_due(now) || kept.is_unchanged() {
                 answer = change(kept, |(receiver, reader)| {
                     let span = reader.take(written, RING, BYTES_PER_CALL);
                     let mut bytes = [0; BYTES_PER_CALL];
