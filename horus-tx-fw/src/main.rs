@@ -324,8 +324,9 @@ mod app {
         }
     }
 
-    /// Returns the number of the tick. HORUS stops if the last vote was for another one: each cycle has one vote for the
-    /// next tick, so the count of ticks has changed in between. Cycles are left out while a debugger halts the processor.
+    /// Returns the number of the tick. HORUS stops if the last vote was for another one: each cycle has one vote for
+    /// the next tick, so the count of ticks has changed in between. A debugger that halts the processor makes HORUS
+    /// leave out cycles.
     fn tick_of(cycle: &Checked<Cycle<RECEIVERS>>) -> u32 {
         let tick = cycle_timer::tick();
         if !cycle.get().has_voted_for(tick) && !cfg!(feature = "debugger-stops-watchdog") {
