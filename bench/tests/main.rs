@@ -17,6 +17,7 @@ mod hold;
 mod hold_outputs;
 mod injected;
 mod integrity;
+mod kept_state;
 mod link;
 mod memory_protection;
 mod phases;

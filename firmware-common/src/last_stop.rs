@@ -70,8 +70,8 @@ causes! {
     Clock = 10, "external clock failed";
     /// An oscillator or a PLL did not become ready in its time at the start.
     ClockStart = 11, "clock did not start";
-    /// RAM in use does not hold what is written to it. The detail is the address, or 0 if the RAM was not tested at the
-    /// start.
+    /// RAM in use does not hold what is written to it, or a bit of a [checked](crate::checked) state has flipped. The
+    /// detail is the address, or 0 if the RAM was not tested at the start.
     Ram = 12, "RAM faulty";
     /// The supply is below what the part needs. The detail is the threshold, mV.
     Supply = 13, "supply too low";

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`calls`] | the check that a task runs only after another one has called it |
 //! | [`check_in`] | the record of the tasks that have checked in since the last feed of the watchdog |
+//! | [`checked`] | state with a check word, which finds a flipped bit in what is kept from task to task |
 //! | [`counter`] | the counters of the firmwares' telemetry |
 //! | [`flow`] | the check that the tasks of a cycle run in their order and none too early |
 //! | [`program`] | the check of the program in flash against the CRC from the build |
@@ -22,6 +23,7 @@
 
 pub mod calls;
 pub mod check_in;
+pub mod checked;
 pub mod counter;
 pub mod flow;
 pub mod last_stop;

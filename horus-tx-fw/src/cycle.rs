@@ -19,7 +19,7 @@
 //! Every Reported-Position also tells HORUS's clock, the reason of its last reset ([`Start`]), and whether a fault of
 //! its memory was found ([`Cycle::found_memory_fault`]).
 
-use core::hint::select_unpredictable;
+use core::{borrow::Borrow, hint::select_unpredictable};
 
 use horus_voter::{Input, Verdict, Voter};
 use profile::{
@@ -100,15 +100,21 @@ impl<const N: usize> Cycle<N> {
     }
 
     /// Votes for tick `tick` on what each receiver has sent until now, and seals Reported-Position.
-    pub fn vote(&mut self, tick: u32, solutions: &[Solution; N]) {
+    pub fn vote<S: Borrow<Solution>>(&mut self, tick: u32, solutions: &[S; N]) {
         let now = timestamp(tick);
         let mut inputs = [Input::default(); N];
         for (input, solution) in inputs.iter_mut().zip(solutions) {
-            *input = input_of(solution, now);
+            *input = input_of(solution.borrow(), now);
         }
         self.verdict = self.voter.vote(&inputs, now);
         self.was_located |= self.verdict.position.is_some();
         self.voted = Some((tick, ReportedPosition::seal(&self.reported_values(&self.verdict, now))));
+    }
+
+    /// Whether the last vote was for tick `tick`, as that of the cycle before has to be; also if there was no vote yet.
+    #[must_use]
+    pub fn has_voted_for(&self, tick: u32) -> bool {
+        self.voted.is_none_or(|(of, _)| of == tick)
     }
 
     /// Returns the last vote.
@@ -118,7 +124,7 @@ impl<const N: usize> Cycle<N> {
     }
 
     /// Returns the sealed profile of tick `tick`: the receivers' latest messages, and that tick's vote.
-    pub fn fill(&self, tick: u32, solutions: &[Solution; N]) -> Profile<N> {
+    pub fn fill<S: Borrow<Solution>>(&self, tick: u32, solutions: &[S; N]) -> Profile<N> {
         let now = timestamp(tick);
         let reported = match self.voted {
             Some((of, reported)) if of == tick => reported,
@@ -128,7 +134,7 @@ impl<const N: usize> Cycle<N> {
         let gps = solutions.each_ref().map(|solution| {
             let excluded = self.verdict.is_excluded(receiver);
             receiver += 1;
-            GpsObject::seal(Identifier::gps(receiver), &gps_values(solution, excluded, now))
+            GpsObject::seal(Identifier::gps(receiver), &gps_values(solution.borrow(), excluded, now))
         });
         Profile::new(reported, gps)
     }

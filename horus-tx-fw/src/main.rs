@@ -72,6 +72,7 @@ mod app {
     use defmt_rtt as _;
     use firmware_common::{
         check_in::CheckIn,
+        checked::Checked,
         flow::Flow,
         last_stop::{self, Cause, Stop},
         mpu,
@@ -88,6 +89,7 @@ mod app {
         reset,
         ring::Reader,
         source::{Vector, RING},
+        state_inputs::{Levels, INPUTS},
         supply,
         task::Task,
         timing,
@@ -117,9 +119,12 @@ mod app {
     #[shared]
     struct Shared {
         transmitter: Transmitter<'static, Radio>,
-        solutions: [Solution; RECEIVERS],
+        solutions: [Checked<Solution>; RECEIVERS],
         #[lock_free]
-        cycle: Cycle<RECEIVERS>,
+        cycle: Checked<Cycle<RECEIVERS>>,
+        /// The levels of the state inputs at the tick, on their way to the vote.
+        #[lock_free]
+        levels: Option<[Levels; INPUTS]>,
         #[lock_free]
         lines: [GnssLine; RECEIVERS],
     }
@@ -127,8 +132,7 @@ mod app {
     #[local]
     struct Local {
         timer: CycleTimer,
-        receivers: [Receiver; RECEIVERS],
-        readers: [Reader; RECEIVERS],
+        receivers: [Checked<(Receiver, Reader)>; RECEIVERS],
         configurations: [Configuration; RECEIVERS],
         watchdog: IndependentWatchdog,
         patrol: Patrol,
@@ -231,11 +235,16 @@ mod app {
         let patrol = Patrol::new(layout, integrity::RATE, &mut memory);
         mpu::apply(&mut cx.core.MPU, &protection::TASKS);
         (
-            Shared { transmitter, solutions: [Solution::default(); RECEIVERS], cycle, lines },
+            Shared {
+                transmitter,
+                solutions: core::array::from_fn(|_| Checked::new(Solution::default())),
+                cycle: Checked::new(cycle),
+                levels: None,
+                lines,
+            },
             Local {
                 timer,
-                receivers: core::array::from_fn(|_| Receiver::new()),
-                readers: [Reader::new(); RECEIVERS],
+                receivers: core::array::from_fn(|_| Checked::new((Receiver::new(), Reader::new()))),
                 configurations: core::array::from_fn(gnss::configuration),
                 watchdog,
                 patrol,
@@ -304,6 +313,30 @@ mod app {
 
     fn stop_out_of_order(step: Step) -> ! {
         stop("flow", Stop::new(Cause::Flow, safe_state::active_exception(), step as u32))
+    }
+
+    /// Verifies what was kept since the last task, changes it by `with`, and checks it anew. HORUS stops if a bit of it
+    /// has flipped.
+    fn change<T, R>(kept: &mut Checked<T>, with: impl FnOnce(&mut T) -> R) -> R {
+        match kept.change(with) {
+            Some(result) => result,
+            None => stop_changed(kept.address()),
+        }
+    }
+
+    /// Returns the number of the tick. HORUS stops if the last vote was for another one: each cycle has one vote for
+    /// the next tick, so the count of ticks has changed in between. A debugger that halts the processor makes HORUS
+    /// leave out cycles.
+    fn tick_of(cycle: &Checked<Cycle<RECEIVERS>>) -> u32 {
+        let tick = cycle_timer::tick();
+        if !cycle.get().has_voted_for(tick) && !cfg!(feature = "debugger-stops-watchdog") {
+            stop_changed(cycle.address());
+        }
+        tick
+    }
+
+    fn stop_changed(address: u32) -> ! {
+        stop("kept state", Stop::new(Cause::Ram, safe_state::active_exception(), address))
     }
 
     /// Stops HORUS because of `stop`, which the check of `what` has found.
@@ -380,26 +413,38 @@ mod app {
         settle();
     }
 
-    #[task(binds = CAN1_RX0, priority = 3, shared = [cycle, transmitter, solutions])]
+    #[task(binds = CAN1_RX0, priority = 3, shared = [cycle, levels, transmitter, solutions])]
     fn cycle(mut cx: cycle::Context) {
         let begun = DWT::cycle_count();
         begin(Step::Cycle);
-        let tick = cycle_timer::tick();
-        cx.shared.cycle.sample(state_inputs::levels());
-        let profile = cx.shared.solutions.lock(|solutions| cx.shared.cycle.fill(tick, solutions));
+        let tick = tick_of(cx.shared.cycle);
+        *cx.shared.levels = Some(state_inputs::levels());
+        // `vote` verifies both while the frame is on air: before the slot there is no time for it.
+        let profile = cx.shared.solutions.lock(|solutions| cx.shared.cycle.get().fill(tick, solutions));
         HORUS_TELEMETRY.worst_fill_cycles.record_max(DWT::cycle_count().wrapping_sub(begun));
         cx.shared.transmitter.lock(|transmitter| transmitter.offer(tick, &profile));
         CHECK_IN.check_in(Task::cycle);
         settle();
     }
 
-    #[task(binds = CAN2_RX0, priority = 3, shared = [cycle, solutions])]
+    #[task(binds = CAN2_RX0, priority = 3, shared = [cycle, levels, solutions])]
     fn vote(mut cx: vote::Context) {
         begin(Step::Vote);
-        let tick = cycle_timer::tick();
-        let cycle = cx.shared.cycle;
-        cx.shared.solutions.lock(|solutions| cycle.vote(tick.wrapping_add(1), solutions));
-        hw::reset::keep_exclusions(cycle.excluded());
+        let tick = tick_of(cx.shared.cycle);
+        let levels = cx.shared.levels.take();
+        let excluded = cx.shared.solutions.lock(|solutions| {
+            if let Some(changed) = solutions.iter().find(|solution| !solution.is_intact()) {
+                stop_changed(changed.address());
+            }
+            change(cx.shared.cycle, |cycle| {
+                if let Some(levels) = levels {
+                    cycle.sample(levels);
+                }
+                cycle.vote(tick.wrapping_add(1), solutions);
+                cycle.excluded()
+            })
+        });
+        hw::reset::keep_exclusions(excluded);
         cycle_timer::cycle_ended(tick);
         CHECK_IN.check_in(Task::vote);
         settle();
@@ -482,21 +527,30 @@ mod app {
         serve(Task::gnss5_ring, cx.shared.lines, const { source_of(Task::gnss5_ring) });
     }
 
-    #[task(binds = CAN1_RX1, priority = 1, local = [receivers, readers, configurations], shared = [solutions])]
+    #[task(binds = CAN1_RX1, priority = 1, local = [receivers, configurations], shared = [solutions])]
     fn parse(mut cx: parse::Context) {
         let mut more = false;
         let now = cycle_timer::now_ms();
-        for (index, (receiver, reader)) in cx.local.receivers.iter_mut().zip(cx.local.readers.iter_mut()).enumerate() {
+        for (index, kept) in cx.local.receivers.iter_mut().enumerate() {
             let ring = buffers::ring(index);
             let written = ring.written();
-            let span = reader.take(written, RING, BYTES_PER_CALL);
-            let mut bytes = [0; BYTES_PER_CALL];
-            receiver.receive(ring.copy_out(span, &mut bytes), now);
-            cx.shared.solutions.lock(|solutions| {
-                if let Some(solution) = solutions.get_mut(index) {
-                    *solution = *receiver.solution();
-                }
-            });
+            let (receiver, reader) = kept.get();
+            let mut answer = None;
+            // Most calls find nothing to do for most receivers, and then need not verify what they do not use.
+            if reader.waiting(written) > 0 || receiver.is_due(now) || kept.is_unchanged() {
+                answer = change(kept, |(receiver, reader)| {
+                    let span = reader.take(written, RING, BYTES_PER_CALL);
+                    let mut bytes = [0; BYTES_PER_CALL];
+                    receiver.receive(ring.copy_out(span, &mut bytes), now);
+                    receiver.take_answer()
+                });
+                cx.shared.solutions.lock(|solutions| {
+                    if let Some(solution) = solutions.get_mut(index) {
+                        solution.set(*kept.get().0.solution());
+                    }
+                });
+            }
+            let (receiver, reader) = kept.get();
             more |= reader.waiting(written) > 0;
 
             let (line, counts) = (&HORUS_TELEMETRY.lines[index], receiver.counts());
@@ -508,7 +562,7 @@ mod app {
             line.skipped.set(counts.skipped());
 
             let configuration = &mut cx.local.configurations[index];
-            if let Some(message) = configuration.poll(now, counts.messages, receiver.take_answer()) {
+            if let Some(message) = configuration.poll(now, counts.messages, answer) {
                 // A message that finds the outbox full gets no answer, and is therefore sent again.
                 buffers::outbox(index).put(&message);
             }

@@ -324,7 +324,8 @@ impl Receiver {
     }
 
     /// Takes up to [`BYTES_PER_CALL`] of `bytes`, which arrived by `now` (ms, wraps), and returns how many it took. To
-    /// be called every few ms even without bytes, since only a call detects a silent line and drops old time stamps.
+    /// be called without bytes, too, whenever [`Receiver::is_due`], which is to be asked every few ms: only a call
+    /// detects a silent line and drops old time stamps.
     pub fn receive(&mut self, bytes: &[u8], now: u32) -> usize {
         let (bytes, _) = bytes.split_at(bytes.len().min(BYTES_PER_CALL));
         self.solution.expire(now);
@@ -337,6 +338,13 @@ impl Receiver {
             self.parse(&[0xFF; BYTES_PER_CALL], then);
         }
         bytes.len()
+    }
+
+    /// Whether [`Receiver::receive`] has work at `now` (ms, wraps) although no byte has come: a message whose rest does
+    /// not come, or a time stamp to drop.
+    #[must_use]
+    pub fn is_due(&self, now: u32) -> bool {
+        !self.parser.is_buffer_empty() && !self.spoke.within(now, GAP_MS) || self.solution.has_expired(now)
     }
 
     fn parse(&mut self, bytes: &[u8], arrived: u32) {
@@ -389,6 +397,12 @@ impl Solution {
         self.position.pace.arrived.expire(now);
         self.attitude.pace.arrived.expire(now);
         self.acceleration.pace.arrived.expire(now);
+    }
+
+    fn has_expired(&self, now: u32) -> bool {
+        let stamps =
+            [self.last_heard, self.position.pace.arrived, self.attitude.pace.arrived, self.acceleration.pace.arrived];
+        stamps.iter().any(|stamp| stamp.happened && !stamp.within(now, FORGOTTEN_MS))
     }
 
     /// Takes the useful values of a UBX message. Returns the message's length if it had useful values, otherwise 0.

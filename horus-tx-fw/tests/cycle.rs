@@ -427,6 +427,18 @@ fn a_memory_fault_is_told_from_the_vote_after_it_on() {
     assert!(told(cycle.fill(9, &[all(10)])), "without a vote");
 }
 
+// Shows SAFE-17.
+#[test]
+fn a_count_of_ticks_with_a_flipped_bit_is_not_that_of_the_vote() {
+    let mut cycle = Cycle::<3>::new();
+    assert!(cycle.has_voted_for(0) && cycle.has_voted_for(77), "no vote yet");
+    cycle.vote(77, &[Solution::default(); 3]);
+    assert!(cycle.has_voted_for(77));
+    for bit in 0..32 {
+        assert!(!cycle.has_voted_for(77 ^ 1 << bit));
+    }
+}
+
 #[test]
 fn who_was_excluded_before_a_restart_is_from_the_first_tick_on() {
     let mut before = Cycle::new();

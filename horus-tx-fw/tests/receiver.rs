@@ -206,6 +206,27 @@ fn what_was_cut_off_is_no_message_once_the_line_is_silent() {
 }
 
 #[test]
+fn a_receiver_that_is_not_due_may_be_left_alone_without_bytes() {
+    let whole = NavPvt::GOOD.bytes();
+    for cut in [1, 7, 50, whole.len() - 1, whole.len()] {
+        let (mut called, mut spared, mut calls) = (Receiver::new(), Receiver::new(), 0);
+        for receiver in [&mut called, &mut spared] {
+            feed(receiver, &nav_att(1_000, [1, 2, 3], [1, 1, 1]), 1_000);
+            feed(receiver, &whole[..cut], 1_000);
+        }
+        for now in (1_010..70_000).step_by(10) {
+            called.receive(&[], now);
+            if spared.is_due(now) {
+                spared.receive(&[], now);
+                calls += 1;
+            }
+            assert_eq!((called.solution(), called.counts()), (spared.solution(), spared.counts()), "{cut}, at {now}");
+        }
+        assert!((1..20).contains(&calls), "{cut}: {calls} calls");
+    }
+}
+
+#[test]
 fn a_false_start_hides_a_message_only_until_the_line_is_silent() {
     // The false start is the header of a message of 200 bytes. A whole message follows it at once.
     let mut receiver = Receiver::new();

@@ -290,8 +290,8 @@ pub(crate) const DEFECTS: &[Defect] = &[
 
     row("timestamp-of-the-tick-before", "the profile has the timestamp of the tick before",
         edit(HORUS,
-          "cx.shared.cycle.fill(tick, solutions)",
-          "cx.shared.cycle.fill(if DEFECT { tick.wrapping_sub(1) } else { tick }, solutions)"),
+          "cx.shared.cycle.get().fill(tick, solutions)",
+          "cx.shared.cycle.get().fill(if DEFECT { tick.wrapping_sub(1) } else { tick }, solutions)"),
         PLAIN, By(V::TimestampWrong)),
     row("every-other-cycle", "a profile is offered in every other cycle",
         edit(HORUS,

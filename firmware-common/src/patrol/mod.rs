@@ -15,7 +15,8 @@
 //! This module corrects nothing; the board reacts to a mismatch. CRC tables and constants lie in flash or in the RAM of
 //! the code, and so are covered. Statics change and have no CRC: guard words and the memory protection unit
 //! ([`mpu`](crate::mpu)) protect them from other code, and the test of the RAM finds memory that no longer holds its
-//! contents. A bit that flips once is left to the CRCs of the objects and the watchdog.
+//! contents. A bit that flips once is left to [`checked`](crate::checked) states, the CRCs of the objects and the
+//! watchdog.
 //!
 //! # Time to detect
 //!
