@@ -29,8 +29,8 @@ pub fn load(address: u32) -> u32 {
     word
 }
 
-/// Returns the sum of the words at `range`, each added to the sum before it, rotated by one bit ([`checked`]). The range
-/// has whole words that may be read. A word costs about 4 cycles.
+/// Returns the sum of the words at `range`, each added to the sum before it, rotated by one bit ([`checked`]). The
+/// range has whole words that may be read. A word costs about 4 cycles.
 ///
 /// [`checked`]: crate::checked
 #[inline(never)]

@@ -429,7 +429,7 @@ fn a_memory_fault_is_told_from_the_vote_after_it_on() {
 
 // Shows SAFE-17.
 #[test]
-fn a_count_of_ticks_with_a_flipped_bit_is_not_that_of_the_vote() {
+fn a_count_of_ticks_with_a_flipped_bit_is_not_the_votes() {
     let mut cycle = Cycle::<3>::new();
     assert!(cycle.has_voted_for(0) && cycle.has_voted_for(77), "no vote yet");
     cycle.vote(77, &[Solution::default(); 3]);
