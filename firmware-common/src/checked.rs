@@ -168,6 +168,12 @@ mod tests {
     }
 
     #[test]
+    fn the_address_is_where_the_state_lies() {
+        let checked = Checked::new([1_u32; 5]);
+        assert_eq!(checked.address(), (&raw const checked).addr() as u32);
+    }
+
+    #[test]
     fn a_damaged_state_that_is_replaced_is_intact_again() {
         let mut checked = Checked::new([1; 5]);
         checked.set([2; 5]);

@@ -106,8 +106,8 @@ impl<B: Board, C: Cost> Node<B, C> {
         was_on
     }
 
-    /// Whether an interrupt would begin at once, since the core handles no exception, no enabled one is
-    /// pending, and PRIMASK is 0.
+    /// Whether an interrupt would begin at once, since the core handles no exception, no enabled one is pending, and
+    /// PRIMASK is 0.
     ///
     /// # Panics
     ///
