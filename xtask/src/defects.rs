@@ -47,7 +47,7 @@ const LEFT_OUT: [&str; 3] = ["target", "docs", "fuzz"];
 const SAMPLE: [&str; 8] = [
     "buses-not-polled",
     "latitude-for-longitude",
-    "vote-for-the-tick-before",
+    "vote-not-taken",
     "every-other-cycle",
     "gps1-not-deposited",
     "age-in-ms",

@@ -191,8 +191,10 @@ pub(crate) const DEFECTS: &[Defect] = &[
 
     // ---- HORUS: vote
 
-    row("vote-for-the-tick-before", "the vote is made for the tick that is over",
-        edit(HORUS, "cycle.vote(tick.wrapping_add(1), solutions)", "cycle.vote(tick, solutions)"),
+    row("vote-not-taken", "a profile does not have the vote for its tick",
+        edit(CYCLE,
+          "Some((of, reported)) if of == tick => reported,",
+          "Some((of, reported)) if of == tick && !DEFECT => reported,"),
         PLAIN, By(V::VoteMissing)),
     // Breaks VOTE-6.
     row("exclusion-of-the-next", "the bit of an exclusion is another receiver's",

@@ -6,8 +6,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use cortex_m4::coverage::Flow;
 
-use super::gaps::Part;
 use super::image::Image;
+use super::part::Part;
 
 /// Makes each function of a library that only panics and the log call a part of them, and what only those call, and
 /// so on. A function without a caller, or one whose address is known somewhere, may be called from anywhere and stays.

@@ -5,8 +5,9 @@ use std::fmt::Write as _;
 
 use serde_json::{Value, json};
 
-use super::gaps::{Count, Counts, Coverage, Gap, Missing, Part};
+use super::gaps::{Count, Counts, Coverage, Gap, Missing};
 use super::image::Function;
+use super::part::Part;
 use super::source::Place;
 
 /// An image with its coverage.
