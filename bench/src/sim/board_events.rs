@@ -129,8 +129,8 @@ impl BoardEvents {
                     return;
                 }
                 if let Fault::Spurious(_, task) = episode.fault {
-                    // A call that the DPR's task gets before it begins covers a spurious interrupt: the task runs once.
-                    let may_be_called = self.side == Side::Dpr && !node.is_ready_for_interrupts();
+                    // A call that a task gets before it begins covers a spurious interrupt: the task runs once.
+                    let may_be_called = !node.is_ready_for_interrupts();
                     match interrupt_of(self.side, task) {
                         Some(line) if !may_be_called && !node.is_hung() && node.raise_interrupt(line) => {
                             self.injected(now, episode);
