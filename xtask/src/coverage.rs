@@ -26,11 +26,11 @@ mod report;
 mod runs;
 mod source;
 
+use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
-use std::panic::resume_unwind;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
@@ -41,6 +41,7 @@ use bench::sim::{Images, Setup};
 use clap::Args;
 use cortex_m4::coverage::Record;
 use emulator_node::{Clock, Threads};
+use rayon::prelude::*;
 
 use crate::output::Output;
 use crate::workspace::{root, tracked};
@@ -174,7 +175,9 @@ fn fly(args: &CoverageArgs, gps: Receivers) -> Result<Vec<Flown>> {
             benches.push((setup, records.clone()));
         }
     }
-    fly_all(flights)?;
+    // The longest first, so that all threads end at about the same time.
+    flights.sort_by_key(|flight| Reverse(flight.run.duration_ns));
+    flights.into_iter().par_bridge().try_for_each(Flight::fly)?;
     for (setup, records) in benches {
         upset(args, setup, &records)?;
     }
@@ -200,23 +203,6 @@ fn flights_of(args: &CoverageArgs, setup: &Setup, records: &Records, crcs: runs:
 fn kinds(args: &CoverageArgs, setup: &Setup) -> Vec<Kind> {
     let kinds = args.faults.clone().unwrap_or_else(|| Kind::ALL.to_vec());
     kinds.into_iter().filter(|kind| !kind.needs_hold() || setup.hold.is_some()).collect()
-}
-
-/// Flies on two threads, the longest flights first, so that both threads end at about the same time.
-fn fly_all(mut flights: Vec<Flight>) -> Result<()> {
-    flights.sort_by_key(|flight| std::cmp::Reverse(flight.run.duration_ns));
-    let next = Mutex::new(flights.into_iter());
-    let work = || -> Result<()> {
-        loop {
-            let flight = next.lock().unwrap_or_else(PoisonError::into_inner).next();
-            let Some(flight) = flight else { return Ok(()) };
-            flight.fly()?;
-        }
-    };
-    std::thread::scope(|scope| {
-        let threads = [scope.spawn(work), scope.spawn(work)];
-        threads.into_iter().try_for_each(|thread| thread.join().unwrap_or_else(|panic| resume_unwind(panic)))
-    })
 }
 
 impl Flight {
