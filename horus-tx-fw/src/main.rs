@@ -122,7 +122,7 @@ mod app {
         solutions: [Checked<Solution>; RECEIVERS],
         #[lock_free]
         cycle: Checked<Cycle<RECEIVERS>>,
-        /// The levels of the state inputs at the tick, on their way to the vote.
+        /// The levels of the state inputs at the tick, until the vote takes them.
         #[lock_free]
         levels: Option<[Levels; INPUTS]>,
         #[lock_free]
