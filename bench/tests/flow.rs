@@ -81,12 +81,14 @@ fn a_step_out_of_its_turn_is_found_anywhere_in_the_cycle() {
             let steps = (0..tasks_of(board).len() as u8).filter(|task| is_step(board, *task));
             for (turn, task) in (0..).zip(steps) {
                 let at = BEGINS + 3_300 * US * nth + 1_910 * US * turn;
-                // A DPR that is busy takes none, but no task of it runs for 100 us.
-                let outcomes = [at, at + 100 * US].map(|at| spurious(5, clock, board, task, at));
-                let [Some(first), Some(second)] = outcomes else { return };
-                let raised = [&first, &second].contains(&&Ok(true));
-                if !raised || first.is_err() || second.is_err() {
-                    wrong.push((board, task, first, second));
+                // A board that is busy takes none, but no task of the two runs for 100 us.
+                let outcome = match spurious(5, clock, board, task, at) {
+                    Some(Ok(false)) => spurious(5, clock, board, task, at + 100 * US),
+                    first => first,
+                };
+                let Some(outcome) = outcome else { return };
+                if outcome != Ok(true) {
+                    wrong.push((board, task, outcome));
                 }
             }
         }

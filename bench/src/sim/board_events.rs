@@ -129,10 +129,11 @@ impl BoardEvents {
                     return;
                 }
                 if let Fault::Spurious(_, task) = episode.fault {
-                    // A call that a task gets before it begins covers a spurious interrupt: the task runs once.
-                    let may_be_called = !node.is_ready_for_interrupts();
                     match interrupt_of(self.side, task) {
-                        Some(line) if !may_be_called && !node.is_hung() && node.raise_interrupt(line) => {
+                        // A call that a task gets before it begins covers a spurious interrupt: the task runs once.
+                        Some(line)
+                            if node.is_ready_for_interrupts() && !node.is_hung() && node.raise_interrupt(line) =>
+                        {
                             self.injected(now, episode);
                             // The board has to enter its safe state.
                             if is_step(self.side, task) {
@@ -140,7 +141,7 @@ impl BoardEvents {
                                 self.note(now, What::Warned { board: self.side });
                             }
                         }
-                        // The firmware has not enabled the interrupt yet, or its task is about to run anyway.
+                        // The firmware has not enabled the interrupt yet, or the task would not begin at once.
                         Some(_) => {}
                         None => self.note(now, no_task(self.side, task)),
                     }
