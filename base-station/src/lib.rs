@@ -15,26 +15,19 @@
 //! go back. So the same code runs on the bench in virtual time.
 #![forbid(unsafe_code)]
 
-pub mod age;
-pub mod alarm;
-pub mod bundle;
 pub mod carrier;
-pub mod drone;
 #[cfg(feature = "recorder")]
 pub mod export;
-pub mod fleet;
 #[cfg(feature = "mavlink")]
 pub mod intake;
 #[cfg(feature = "command")]
 pub mod live;
-pub mod place;
 #[cfg(feature = "recorder")]
 pub mod recorder;
 #[cfg(feature = "station")]
 pub mod station;
 
-pub use alarm::{Alarm, Change, Raised, Severity};
-pub use bundle::Bundle;
-pub use drone::{Drone, Verdict};
-pub use fleet::{DroneId, Fleet, Source, Who};
-pub use place::{Intact, Place};
+pub use base_station_core::{
+    Alarm, Bundle, Change, Drone, DroneId, Fleet, Intact, Place, Raised, Severity, Source, Verdict, Who, age, alarm,
+    bundle, drone, fleet, place,
+};

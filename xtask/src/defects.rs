@@ -41,7 +41,7 @@ const MARK: [u32; 2] = [0x4445_4645, 0x4354_3A20];
 const VARIABLE: &str = "HORUS_DEFECT";
 const CHOICE: &str = "DEFECT";
 const CRATES: [&str; 7] =
-    ["profile", "st25r3916", "firmware-common", "horus-tx-fw", "horus-tx-fw/voter", "dpr-fw", "base-station"];
+    ["profile", "st25r3916", "firmware-common", "horus-tx-fw", "horus-tx-fw/voter", "dpr-fw", "base-station/core"];
 const LEFT_OUT: [&str; 3] = ["target", "docs", "fuzz"];
 /// The defects that `cargo xtask test` runs: one of each kind, in the firmwares, with short runs.
 const SAMPLE: [&str; 8] = [

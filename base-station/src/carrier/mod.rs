@@ -12,5 +12,5 @@
 
 #[cfg(feature = "mavlink")]
 pub mod mavlink;
-pub mod published;
-pub mod stream;
+
+pub use base_station_core::carrier::{published, stream};

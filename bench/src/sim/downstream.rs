@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use base_station::alarm::{Alarm, Alarms};
+use base_station_core::alarm::{Alarm, Alarms};
 use bench_judge::{Board as Side, Bytes, Disturbance, Event, Findings, Header, Log, SsiEvent, Verdict, What};
 use cortex_m4::Cost;
 use cortex_m4::coverage::Record;

@@ -1,14 +1,14 @@
 //! The base station, which receives the profiles at the end of the link.
 //!
-//! The crate [`base_station`], which a real base station also runs, judges, keeps and shows the profiles. This module
+//! The crate [`base_station_core`], which a real base station also runs, judges, keeps and shows the profiles. This module
 //! adds the end of the radio link and a history, with which a test can compare the shown positions with those of the
 //! receivers, bit by bit.
 
 use core::fmt;
 use std::collections::VecDeque;
 
-use base_station::carrier::stream::Deframer;
-use base_station::{Bundle, Drone, Intact};
+use base_station_core::carrier::stream::Deframer;
+use base_station_core::{Bundle, Drone, Intact};
 use profile::ssi::client::Shown;
 use profile::{Layout, MAX_RECEIVERS, Object};
 
@@ -170,7 +170,7 @@ impl fmt::Display for BaseStation {
 
 #[cfg(test)]
 mod tests {
-    use base_station::carrier::stream;
+    use base_station_core::carrier::stream;
     use profile::{GpsValues, Profile, ReportedValues};
 
     use super::*;

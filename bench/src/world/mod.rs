@@ -9,7 +9,7 @@
 //! |---|---|
 //! | [`ssi`] | the SSI's pins, and the state machine that carries out a transaction |
 //! | [`flight_controller`] | the instants of transactions, their requests, and the evaluation of their contents |
-//! | [`base_station`] | the end of the radio link; the crate of that name decides what is shown |
+//! | [`base_station`] | the end of the radio link; the crate `base-station-core` decides what is shown |
 
 pub mod base_station;
 pub mod flight_controller;

@@ -49,8 +49,8 @@ const INTEGRITY: &str = "dpr-fw/src/integrity.rs";
 const SEQUENCE: &str = "profile/src/sequence.rs";
 const TRACK: &str = "profile/src/ssi/client/track.rs";
 const CLIENT: &str = "profile/src/ssi/client/mod.rs";
-const DRONE: &str = "base-station/src/drone/mod.rs";
-const ORDER: &str = "base-station/src/drone/order.rs";
+const DRONE: &str = "base-station/core/src/drone/mod.rs";
+const ORDER: &str = "base-station/core/src/drone/order.rs";
 
 const PLAIN: &str = "--seconds 6";
 /// A run in which the receivers start with their factory settings.
@@ -600,12 +600,12 @@ pub(crate) const DEFECTS: &[Defect] = &[
     // ---- base station and forwarder
 
     row("forwarder-silent", "the forwarder sends nothing",
-        edit("base-station/src/carrier/stream.rs",
+        edit("base-station/core/src/carrier/stream.rs",
           "let mut code_at = line.len();",
           "if DEFECT {\n        return;\n    }\n    let mut code_at = line.len();"),
         PLAIN, By(V::BaseMissed)),
     row("base-hides-gps3", "the base station leaves out the last object",
-        edit("base-station/src/bundle.rs",
+        edit("base-station/core/src/bundle.rs",
           "(place, bytes.get(range).unwrap_or_default())",
           "(place, if DEFECT && place == Place::Gps(3) { &[][..] } else { bytes.get(range).unwrap_or_default() })"),
         PLAIN, By(V::BaseHidden)),

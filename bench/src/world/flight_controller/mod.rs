@@ -31,7 +31,7 @@ pub mod uplinks;
 
 use std::collections::VecDeque;
 
-use base_station::carrier::stream;
+use base_station_core::carrier::stream;
 use profile::Uplink;
 use profile::criticality::BaseStation;
 use profile::ssi::client::{self, Client, Shown, View};

@@ -1,6 +1,6 @@
 //! Unit tests of the flight controller: its reads, and its misuses of the SSI.
 
-use base_station::drone::Counts;
+use base_station_core::drone::Counts;
 use emulator_part::SpiMode;
 use profile::criticality::{BaseStation as BaseStationRole, Dpr, Writer};
 use profile::image::Image;
