@@ -210,6 +210,28 @@ mod tests {
         arrows.into_iter().map(|(from, to)| format!("{from} > {to}")).collect()
     }
 
+    /// Returns a line for each crate that a command with these arguments needs, with the features that it has there.
+    fn with_features(args: &[&str]) -> BTreeSet<String> {
+        let mut command = cargo();
+        command.args(["tree", "--quiet", "--prefix", "none", "--format", "{p} [{f}]"]).args(args);
+        let output = command.output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let text = String::from_utf8(output.stdout).unwrap();
+        text.lines().map(|line| line.trim_end_matches(" (*)").to_owned()).collect()
+    }
+
+    #[test]
+    fn crates_have_the_same_features_for_the_link_and_for_tests() {
+        let of_tests = with_features(&["--workspace", "--features", "xtask/live,xtask/probe"]);
+        let of_the_link = with_features(&["--package", "xtask", "--edges", "normal,build"]);
+        let of_the_hold = with_features(&["--package", "dpr-fw", "--features", "hold"]);
+        for (mut again, package) in [(of_the_link, "xtask "), (of_the_hold, "dpr-fw ")] {
+            assert!(again.len() > 50, "{again:?}");
+            again.retain(|line| !of_tests.contains(line) && !line.starts_with(package));
+            assert!(again.is_empty(), "compiled again, so to be named in xtask/same-features: {again:#?}");
+        }
+    }
+
     #[test]
     fn no_modules_of_a_crate_import_each_other_in_a_circle() {
         let manifests = tracked().unwrap().into_iter().filter(|file| file.ends_with("/Cargo.toml"));
