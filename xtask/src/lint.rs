@@ -7,7 +7,7 @@ use std::process::{Command, ExitCode, Stdio};
 use anyhow::{Result, ensure};
 
 use crate::test::Steps;
-use crate::workspace::{FLIP_LINK, TARGET, cargo, check, install};
+use crate::workspace::{FLIP_LINK, TARGET, cargo, check, install, metadata};
 use crate::{Board, Image, Receivers, citations, style};
 
 pub(crate) fn lint() -> Result<ExitCode> {
@@ -69,6 +69,9 @@ pub(crate) fn lint() -> Result<ExitCode> {
     let mut documentation = cargo();
     documentation
         .args(["doc", "--quiet", "--no-deps", "--workspace", "--features", "xtask/live,xtask/probe"])
+        // With the examples, the features of all dependencies are those of clippy, which has checked them already.
+        .args(["--lib", "--examples"])
+        .args(programs(&metadata()?))
         .env("RUSTDOCFLAGS", "-D warnings");
     commands.push(("documentation".into(), documentation));
     let mut steps = Steps::default();
@@ -97,6 +100,22 @@ pub(crate) fn lint() -> Result<ExitCode> {
         steps.run(what, || check(what, command));
     }
     Ok(steps.verdict("lint"))
+}
+
+/// Returns the arguments that name each program of the workspace, except those with the same name as their library.
+/// rustdoc would write both to the same folder, so cargo leaves them out by default as well.
+fn programs(metadata: &serde_json::Value) -> Vec<String> {
+    let packages = metadata["packages"].as_array().into_iter().flatten();
+    let of_package = |package: &serde_json::Value| {
+        let targets = package["targets"].as_array().into_iter().flatten();
+        let of_kind = |kind| {
+            let found = targets.clone().filter(move |target| target["kind"][0] == kind);
+            found.filter_map(|target| Some(target["name"].as_str()?.replace('-', "_"))).collect::<Vec<_>>()
+        };
+        let (programs, libraries) = (of_kind("bin"), of_kind("lib"));
+        programs.into_iter().filter(|name| !libraries.contains(name)).collect::<Vec<_>>()
+    };
+    packages.flat_map(of_package).flat_map(|name| ["--bin".to_owned(), name.replace('_', "-")]).collect()
 }
 
 fn has_cargo_deny() -> bool {
