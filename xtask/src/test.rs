@@ -115,6 +115,10 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
     let runner = std::env::current_exe().context("could not find out where this program is")?;
     let mut steps = Steps::default();
     if args.on == Place::Bench && args.board.is_none() && !args.on_target {
+        let host = ["test", "--quiet", "--no-fail-fast", "--workspace", "--features", "xtask/live,xtask/probe"];
+        // A firmware is linked on one thread. The others compile the host tests meanwhile, in a folder of their own. If
+        // that fails, the step of the host tests says so.
+        let mut compiler = cargo().args(host).arg("--no-run").spawn().context("could not start cargo")?;
         for gps in Receivers::ALL {
             steps.run(&format!("both images build with {gps} receivers"), || firmware::build_pair(gps).map(drop));
         }
@@ -128,14 +132,14 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
             _ => anyhow::bail!("over budget"),
         });
         steps.run("the page without a server builds", || crate::web::write().map(drop));
+        steps.run("host tests compile", || compiler.wait().map(drop).context("could not wait for cargo"));
         steps.run("the speed of the bench", crate::speed::check);
         steps.run("a sample of the defects", crate::defects::sample);
         // Tests that run both firmwares need the firmwares' folder. Without it they would be skipped, or fail if CI is
         // set.
         let images = firmware::folder();
         steps.run("host tests", || {
-            let args = ["test", "--quiet", "--no-fail-fast", "--workspace", "--features", "xtask/live,xtask/probe"];
-            check("cargo test", cargo().args(args).env("LINK_IMAGES", &images).env("LINK_WEB", crate::web::folder()))
+            check("cargo test", cargo().args(host).env("LINK_IMAGES", &images).env("LINK_WEB", crate::web::folder()))
         });
         steps.run("host tests of the DPR with the port of a hold", || {
             check("cargo test", cargo().args(["test", "--quiet", "--package", "dpr-fw", "--features", "hold"]))
