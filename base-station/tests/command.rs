@@ -11,7 +11,9 @@ fn run(arguments: &[&str]) -> (bool, String) {
 }
 
 fn file(name: &str, text: &str) -> PathBuf {
-    let file = std::env::temp_dir().join(format!("horus-base-{name}-{}", std::process::id()));
+    // Removed when the test's thread ends.
+    thread_local!(static FOLDER: tempfile::TempDir = tempfile::tempdir().unwrap());
+    let file = FOLDER.with(|folder| folder.path().join(name));
     fs::write(&file, text).unwrap();
     file
 }

@@ -71,6 +71,7 @@ pub const PHONE: Screen = Screen { width: 390, height: 844, scale: 2, phone: tru
 #[derive(Debug)]
 pub struct Tab {
     process: Child,
+    folder: PathBuf,
     to: ChildStdin,
     from: Receiver<Value>,
     session: String,
@@ -81,7 +82,8 @@ pub struct Tab {
 }
 
 impl Tab {
-    /// Starts the browser with an empty page. The browser's files are below `folder`, which is emptied first.
+    /// Starts the browser with an empty page. The browser's files are below `folder`, which is emptied first and
+    /// removed at the end.
     ///
     /// # Panics
     ///
@@ -114,6 +116,7 @@ impl Tab {
         });
         let mut tab = Self {
             process,
+            folder: folder.to_owned(),
             to,
             from,
             session: String::new(),
@@ -315,5 +318,6 @@ impl Drop for Tab {
         // An error is ignored, because the browser may have ended already. Its helper processes end with it.
         let _ = self.process.kill();
         let _ = self.process.wait();
+        let _ = std::fs::remove_dir_all(&self.folder);
     }
 }

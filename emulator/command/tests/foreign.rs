@@ -73,7 +73,9 @@ impl Part {
 fn folder() -> &'static Path {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     FOLDER.get_or_init(|| {
-        // The folder is the same for each run in one checkout, so that a second run does not build anew.
+        // The folder is the same for each run in one checkout, so that a second run does not build anew. What cargo
+        // builds, which is large, is below the checkout's own folder for that.
+        let target = concat!(env!("CARGO_TARGET_TMPDIR"), "/foreign");
         let mut checkout = DefaultHasher::new();
         env!("CARGO_MANIFEST_DIR").hash(&mut checkout);
         let folder = std::env::temp_dir().join(format!("emulator-foreign-{:016x}", checkout.finish()));
@@ -96,14 +98,14 @@ fn folder() -> &'static Path {
                     command.env_remove(&key);
                 }
             }
-            command.args(["build", "--quiet", "--offline", "--target-dir", part.name]).current_dir(&folder);
+            command.args(["build", "--quiet", "--offline", "--target-dir", target]).current_dir(&folder);
             if part.name == NRF52840.name {
                 command.args(["--features", part.name]);
             }
             let built = command.output().unwrap();
             assert!(built.status.success(), "{}", String::from_utf8_lossy(&built.stderr));
             std::fs::copy(
-                folder.join(part.name).join("thumbv7em-none-eabihf/debug/bell"),
+                Path::new(target).join("thumbv7em-none-eabihf/debug/bell"),
                 folder.join(format!("{}.elf", part.name)),
             )
             .unwrap();

@@ -15,6 +15,8 @@ use crate::Receivers;
 /// built.
 fn board(board: Board) -> Option<(BenchBoard, PathBuf)> {
     static COUNT: AtomicUsize = AtomicUsize::new(0);
+    // Removed when the test's thread ends.
+    thread_local!(static FOLDER: tempfile::TempDir = tempfile::tempdir().unwrap());
     let Some(folder) = std::env::var_os("LINK_IMAGES").map(PathBuf::from) else {
         assert!(std::env::var_os("CI").is_none(), "LINK_IMAGES is not set");
         eprintln!("not run: LINK_IMAGES is not set");
@@ -22,8 +24,8 @@ fn board(board: Board) -> Option<(BenchBoard, PathBuf)> {
     };
     let elf = folder.join("gps-3").join(board.package()).with_extension("elf");
     let number = COUNT.fetch_add(1, Ordering::Relaxed);
-    let name = format!("bench-probe-{}-{number}.flash", std::process::id());
-    Some((BenchBoard::switch_on(board, std::env::temp_dir().join(name)).unwrap(), elf))
+    let file = FOLDER.with(|folder| folder.path().join(format!("{number}.flash")));
+    Some((BenchBoard::switch_on(board, file).unwrap(), elf))
 }
 
 fn args(board: Board, erase_all: bool) -> FlashArgs {
