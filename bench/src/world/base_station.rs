@@ -1,6 +1,6 @@
 //! The base station, which receives the profiles at the end of the link.
 //!
-//! The crate [`base_station_core`], which a real base station also runs, judges, keeps and shows the profiles. This module
+//! The crate [`base_station_core`], which a real base station also runs, judges and keeps the profiles. This module
 //! adds the end of the radio link and a history, with which a test can compare the shown positions with those of the
 //! receivers, bit by bit.
 
