@@ -137,6 +137,18 @@ fn a_chip_that_loses_its_supply_is_brought_up_again() {
 }
 
 #[test]
+fn a_frame_offered_shortly_before_a_bring_up_ends_is_sent() {
+    for early_ns in (4_500_000..4_900_000).step_by(10_000) {
+        let (telemetry, config) = (Telemetry::new(), Config::default());
+        let mut world = World::new(&telemetry, config.clone(), AnswerFaults::default());
+        world.run(3, status);
+        world.restart_at = 5 * PERIOD_NS - early_ns;
+        let sent = ticks(&world.run(3, status), &config);
+        assert_eq!((sent, telemetry.frames_skipped.get()), (vec![4, 5, 6], 0), "{early_ns} ns before the tick");
+    }
+}
+
+#[test]
 fn whichever_transfer_hangs_the_frames_come_back_on_time() {
     let config = Config::default();
     for hang_in in 0..16 {
