@@ -177,7 +177,8 @@ impl<const N: usize> Commit<N> {
         self.lapse(now_us, health, images)
     }
 
-    /// Copies Port-Status and the uplinks into the image. A call while a frame arrives saves work at the frame's end.
+    /// Copies Port-Status and the uplinks into the image being filled. A call while a frame arrives leaves less work
+    /// for the frame's end.
     pub fn prepare(&mut self, images: &mut impl Images) {
         if !self.port_placed {
             images.place_port::<N>();

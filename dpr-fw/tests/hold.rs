@@ -452,7 +452,7 @@ fn a_frame_is_read_after_its_end_in_few_calls() {
     let mut dpr = Dpr::new();
     let before = dpr.calls;
     dpr.is_answered(100);
-    // A frame that is read while it arrives takes a third more.
+    // The driver reads the frame only after its end, which takes fewer calls than reading it while it arrives.
     assert!(dpr.calls - before <= 25, "{} calls", dpr.calls - before);
 }
 
@@ -463,7 +463,7 @@ fn a_frame_that_is_given_up_leaves_a_clean_buffer() {
         let buffer = dpr.responder.port().buffer.as_mut().expect("the buffer is here");
         std::mem::replace(&mut buffer.memory()[0], word)
     };
-    // A word of a frame that was read in part.
+    // The receive buffer holds a word of a frame that was read only in part.
     first(&mut dpr, 0x5A5A_5A5A);
     let scrubs = dpr.telemetry.scrubs.get();
     dpr.send(&[]);

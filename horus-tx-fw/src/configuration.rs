@@ -387,7 +387,7 @@ mod tests {
 
     const NOW: u32 = u32::MAX - 1_000;
 
-    /// HORUS's configuration and a receiver that answers it, in steps of 10 ms across the clock's wrap.
+    /// A receiver and the code that configures it, in steps of 10 ms around the wrap of HORUS's clock.
     struct Talk {
         configuration: Configuration,
         now: u32,

@@ -233,8 +233,8 @@ impl Ddc {
         Ok(())
     }
 
-    /// Returns the number of bytes of the stream that are being read, unless they are to be dropped ([`Backlog`]). Even
-    /// of a failed transaction the bytes that have come count, since the receiver does not send them again.
+    /// Returns the number of bytes of the stream that are being read, unless they are to be dropped ([`Backlog`]). The
+    /// bytes of a failed transaction count too, because the receiver does not send them again.
     #[must_use]
     pub const fn stream_under_way(&self) -> Option<usize> {
         match self.state {

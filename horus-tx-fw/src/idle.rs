@@ -18,8 +18,8 @@ pub struct Slices {
 }
 
 impl Slices {
-    /// Returns the count of due slices at the start. In all methods `now_us` is the value of a µs counter that may
-    /// wrap.
+    /// Returns the count at the start, with no slice due. `now_us`, here and below, is the value of a µs counter that
+    /// may wrap.
     #[must_use]
     pub const fn new(now_us: u32) -> Self {
         Self { pace: Pace::new(now_us), due: 0 }

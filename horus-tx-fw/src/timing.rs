@@ -145,8 +145,8 @@ pub const SLOT_TICKS: [u32; FRAMES] = {
     ticks
 };
 
-/// The time after the tick, µs, from which only the end of the cycle's last frame is due, which is whole in the FIFO. A
-/// log message may then mask interrupts for a few µs without moving a slot.
+/// The time after the tick, µs, from which the FIFO has the whole last frame of the cycle. Until the frame's end a log
+/// message may then mask interrupts for a few µs without moving a slot.
 pub const QUIET_FROM_US: u32 = SLOT_US[FRAMES - 1] + REST_STARTS_US + load_us(payload(FRAMES - 1) - HEAD) + 20;
 /// The time after the tick until which a log message may begin, µs. A message that begins by then ends long before the
 /// next tick.

@@ -223,7 +223,6 @@ fn run_on(
                 AirEvent::FrameStart(start) => sent.push(Sent { at, payload: start.chunk.data }),
                 AirEvent::Bytes(chunk) => sent.last_mut().expect("it has started").payload.extend(chunk.data),
                 AirEvent::FrameEnd { bits } => {
-                    // The number `bits` includes the frame's LEN, payload and CRC-16.
                     let frame = sent.last_mut().expect("it has started");
                     assert!(frame.payload.len() * 8 >= bits as usize);
                     frame.payload.truncate(bits as usize / 8);
@@ -308,7 +307,7 @@ fn a_profile_offered_too_late_for_its_slot_is_never_sent() {
 #[test]
 fn a_frame_is_whole_if_its_rest_is_loaded_in_time() {
     let within_ns = u64::from(rest_within_us(9_000_000).expect("the SPI is the faster one")) * 1_000;
-    // In the model the frame begins a few µs after the command; the driver does not rely on that time.
+    // The driver allows for no delay from the command to the frame's first bit, although the model has a few µs.
     for (late_ns, dry) in [(within_ns - OVERHEAD_NS, false), (within_ns + 20_000, true)] {
         let telemetry = Telemetry::new();
         let (sent, bench) = run(40, &telemetry, |tick, bench| {

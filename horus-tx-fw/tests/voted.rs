@@ -3,12 +3,12 @@
 //!
 //! # Bounds
 //!
-//! A right receiver of these models is off by up to [`RIGHT_M`] over ground (a bias that wanders with 0.8 to 1.1 m in
-//! each axis, of which five deviations in two axes are 7.8 m, white noise, and 30 ms of latency more or less at 16
-//! m/s). If one of three receivers is wrong, every result has a right receiver among its members, and each member
-//! agrees with that one. So the result is at most [`AGREE_M`] away from the right receiver, and at most the sum of both
-//! bounds away from the truth, whatever the wrong receiver does. If all three receivers are members, the median lies
-//! between the two right ones or on one of them.
+//! A right receiver of these models is off by up to [`RIGHT_M`] over ground. That is the sum of a bias that wanders
+//! with 0.8 to 1.1 m in each axis (five deviations in two axes are 7.8 m), white noise, and a latency that varies by 30
+//! ms at 16 m/s. If one of three receivers is wrong, every result still has a right receiver among its members, with
+//! which each member agrees. So the result is at most [`AGREE_M`] away from that right receiver, and at most the sum of
+//! both bounds away from the truth. If all three receivers are members, the median lies between the two right ones or
+//! on one of them.
 //!
 //! While the two right receivers agree with each other, there is a result at every tick. If they disagree, which is
 //! rare, nobody can tell which of them is right, and only the bound of the result's error is checked.
@@ -169,7 +169,7 @@ impl Failure {
             }
             Kind::Checksum => {
                 let mut bytes = bytes;
-                // Each message's payload is changed, so that every message of the burst is damaged.
+                // Damages the payload of every message in the burst.
                 let mut start = 0;
                 while start < bytes.len() {
                     let length = usize::from(u16::from_le_bytes([bytes[start + 4], bytes[start + 5]]));
@@ -236,8 +236,8 @@ impl Failure {
     }
 }
 
-/// Returns a burst with changed payloads and right checksums: `all` changes every message's payload, given the offset
-/// of the time of week in it, and `pvt` changes the payload of NAV-PVT.
+/// Returns a burst with changed payloads and right checksums. `all` changes the payload of every message; its second
+/// argument is the offset of the time of week. `pvt` changes the payload of NAV-PVT.
 fn each(bytes: Vec<u8>, all: impl Fn(&mut [u8], usize), mut pvt: impl FnMut(&mut [u8])) -> Vec<u8> {
     let mut changed = Vec::new();
     let mut rest = bytes.as_slice();

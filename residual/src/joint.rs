@@ -90,7 +90,6 @@ impl Joint {
             (0..nesting.outer_bits).filter(|place| !inside.contains(place)).map(|place| place as u16).collect();
         let outside = Outside::new(&columns, outside);
         let mut examined = Vec::new();
-        // Inner codewords of a weight are searched for when that weight is first needed.
         let mut inner_words: Vec<Words> = Vec::new();
         for total in 1.. {
             if nesting.outer.is_even() && total % 2 == 1 {

@@ -148,7 +148,8 @@ type Next<E, S, P> = Result<Option<E>, Error<S, P>>;
 
 type Blocking<M, SPI, IRQ, DELAY> = Executor<M, Wires<SPI, IRQ, DELAY>>;
 
-/// Returns `event`, or else the next event. `None` if waiting takes `limit_us` in total, µs, before an event comes.
+/// Returns `event` if there is one, else waits for the machine's next event. Returns `None` after `limit_us` of
+/// waiting, µs, without an event.
 fn next<M: Machine, SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs>(
     executor: &mut Blocking<M, SPI, IRQ, DELAY>,
     mut event: Option<M::Event>,

@@ -316,7 +316,8 @@ const ANSWERING_B: Listening = Listening {
 const LISTENER_A: [Setting; 9] = listener(MUTE, &reg::ANTENNA_TUNING_LISTENER_A);
 const LISTENER_B: [Setting; 9] = listener(MUTE, &reg::ANTENNA_TUNING_LISTENER_B);
 const ANSWERER_A: [Setting; 9] = listener(ANSWERING_A, &reg::ANTENNA_TUNING_LISTENER_A);
-/// The settings of an ST25R3916B that answers. Its driver's supply is set as a poller's, as in ST's library.
+/// The settings of an ST25R3916B that answers. The supply of its antenna driver is set as for a poller, as in ST's
+/// library.
 const ANSWERER_B: [Setting; 10] = {
     let [silent, modulation, driver, antenna, field, receiver, correlator, masks, mode] =
         listener(ANSWERING_B, &reg::ANTENNA_TUNING_LISTENER_B);
@@ -618,8 +619,8 @@ impl BringUp {
     }
 
     fn operation(&self) -> Operation {
-        // The identity is read before every operation that depends on the type, and bring-up fails without a known
-        // type. So the default is never used.
+        // Bring-up reads the chip's type before every operation that depends on it, and fails if the type is unknown.
+        // So the default is never used.
         let variant = self.variant.unwrap_or(Variant::A);
         match self.part {
             Part::Power => self.power(variant),

@@ -116,7 +116,7 @@ fn the_hold_gets_each_uplink_as_it_was_stored_for_a_second() {
     shared.keep::<BaseStation>(&base_station, Some(STORED_US));
     assert_eq!(parts(&mut shared, 2_000_100), (Some(base_station), None));
     shared.keep::<FlightController>(&flight_controller, Some(STORED_US + 10));
-    // After 500 ms the port task hands on an empty uplink. The copy for the hold must stay.
+    // The port task hands on an empty uplink 500 ms after the last one. The copy for the hold must not change.
     shared.keep::<BaseStation>(&Uplink::EMPTY, Some(STORED_US));
     let last_us = 2_000_000 + 1_000 * COMMAND_AGE_MS;
     assert_eq!(parts(&mut shared, last_us), (Some(base_station), Some(flight_controller)));

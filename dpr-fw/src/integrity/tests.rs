@@ -152,7 +152,6 @@ proptest! {
         let mut check = ImageCheck::<N> { next: object_of(byte) };
         board.words_to_exchange.set(words);
         prop_assert_eq!(check.step(&board), None);
-        // The image is not exchanged any more, so this step finishes the check of the object and finds the damage.
         prop_assert_eq!(check.step(&board), Some(8));
     }
 
@@ -245,14 +244,12 @@ fn a_self_test_ends_after_a_whole_pass_of_flash_and_ram() {
             let of_ram = Slice { ram_pass: Some(ram), ..Slice::default() };
             let (first, second) = if ram_first { (of_ram, of_flash) } else { (of_flash, of_ram) };
             judge.judge(&first, None, &integrity, &telemetry);
-            // A self-test waits for one pass over each memory, so a second pass over the first memory does not count.
             judge.judge(&Slice { flash: None, ram_pass: None, ..first }, None, &integrity, &telemetry);
             assert_eq!(integrity.take_result(), None);
             judge.judge(&second, None, &integrity, &telemetry);
             assert!(!integrity.is_self_test_running());
             assert_eq!(integrity.take_result(), Some(passed), "{flash:?} {ram}");
             assert_eq!(integrity.take_result(), None);
-            // After the self-test, further passes give no result.
             judge.judge(&both, None, &integrity, &telemetry);
             assert_eq!(integrity.take_result(), None);
         }

@@ -32,8 +32,7 @@ pub struct Config {
 /// The reason for which [`Core::run`] returned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Exit {
-    /// The core reached the cycle that the caller set as the end. It may have gone on for at most one instruction or
-    /// one exception entry.
+    /// The core reached the cycle that the caller set as the end, or passed it by one instruction or exception entry.
     Until,
     /// The part called [`crate::Signals::stop`].
     Stopped,

@@ -182,7 +182,7 @@ impl<B: Board> Side<B> {
         }
         if clock.hz > 0 {
             let idle = self.idle + self.idle_from.map_or(0, |from| at.saturating_sub(from));
-            // The core's present instruction may end later than this cycle.
+            // The cycle may be in the past, because the core's last instruction may have ended later.
             let cycles = (at - idle).max(self.awake.1);
             self.awake = (self.awake.0 + self.scaled(cycles - self.awake.1), cycles);
             if self.before.len() == CHANGES {

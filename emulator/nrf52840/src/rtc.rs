@@ -174,7 +174,7 @@ impl Instance for Rtc {
 
     fn configured(&mut self, cx: &mut Cx<'_>) {
         if cx.clocks.lf.is_some() != self.clocked {
-            // LFCLK has stopped, or has started and counts its ticks from zero.
+            // The counter goes on from its held value, because LFCLK has stopped, or counts its ticks from zero again.
             self.load(self.held, cx);
         }
         self.arm(cx);

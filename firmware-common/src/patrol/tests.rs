@@ -240,7 +240,6 @@ proptest! {
         slices_until(&mut patrol, &mut ram, most, |slice| { found = found.or(slice.ram); slice.ram.is_some() });
         prop_assert!((address - 4..=address).contains(&found.unwrap()));
         slices_until(&mut patrol, &mut ram, most, |slice| slice.ram_pass == Some(false));
-        // A pass that begins after the fault has gone reports no fault.
         ram.faults.clear();
         slices_until(&mut patrol, &mut ram, 2 * most, |slice| slice.ram_pass == Some(true));
     }

@@ -91,13 +91,13 @@ impl Place {
     /// Returns latitude and longitude, degrees, of the point `north` and `east` metres from this place, at most some
     /// hundred. Without a step the result is exactly the position that was stated.
     pub(crate) fn degrees(&self, [north, east]: [f32; 2]) -> [f64; 2] {
-        // The point's distance from the earth's axis, measured in the direction of this place, then in the direction of
-        // the point.
+        // The first value is the distance of the point from the earth's axis along the direction of this place, the
+        // second along the point's own direction.
         let outward = self.across * self.cosine - north * self.sine;
         let away = libm::sqrtf(outward * outward + east * east);
         let ahead = outward >= 0.0;
-        // Half of the change in longitude has the tangent `half_turn`. Beyond the pole, `half_turn` is the tangent of
-        // half of what the change lacks to 180°. At the pole it is 0 divided by the least positive number.
+        // `half_turn` is the tangent of half of the change in longitude. Beyond the pole it is the tangent of half of
+        // the change's complement to 180°. At the pole the least positive number avoids a division by 0.
         let half_turn = east / at_least(away + if ahead { outward } else { -outward }, f32::MIN_POSITIVE);
         let turn = 2.0 * arc_tangent(half_turn);
         let (turn, bulge) =

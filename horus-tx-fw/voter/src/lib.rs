@@ -74,9 +74,10 @@ pub const LATENCY_MS: i32 = 50;
 pub const LATENCY_SPREAD_MS: i32 = 50;
 /// The length of a week, ms, after which the time of week begins at 0 again.
 pub const WEEK_MS: u32 = 7 * 24 * 3_600 * 1_000;
-/// How much a latency may differ from [`LATENCY_MS`], s. This times the speed is added to an accuracy (decision 15).
+/// The greatest error of [`LATENCY_MS`], s. Multiplied by the speed, it is added to an accuracy (decision 15).
 pub const LATENCY_UNCERTAINTY_S: f32 = 0.05;
-/// Half of the greatest acceleration, 4 m/s². This times the square of the age is added to an accuracy (decision 15).
+/// Half of the greatest acceleration, 4 m/s². Multiplied by the square of the age, it is added to an accuracy (decision
+/// 15).
 pub const HALF_ACCELERATION_M_S2: f32 = 2.0;
 
 /// Two receivers agree within this multiple of the standard deviation of their difference, the root of the sum of both

@@ -179,8 +179,8 @@ proptest! {
             prop_assert_eq!((a.members, a.excluded), (back(b.members), back(b.excluded)));
             prop_assert_eq!(a.position.is_some(), b.position.is_some());
             if let (Some(a), Some(b)) = (a.position, b.position) {
-                // Close to a pole this comparison is left out: north and east are the axes at the first member's place,
-                // and other members' axes differ there.
+                // This comparison is left out close to a pole, where the axes north and east differ from member to
+                // member.
                 if a.latitude.abs() < 89.0 {
                     let off = distance((a.latitude, a.longitude), (b.latitude, b.longitude));
                     prop_assert!(off < 0.01, "{} m", off);

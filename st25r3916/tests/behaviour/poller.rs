@@ -711,7 +711,7 @@ fn a_chip_that_never_raises_i_txe_sends_every_frame_unconfirmed() {
             assert_eq!(rig.send(&mut poller, &payload), PollerEvent::Sent { confirmed: false });
             let (began, sent) = rig.chip.sent.last().unwrap();
             assert_eq!(*sent, payload);
-            // The event Sent must not come before the frame's last bit, nor too late to prepare the next frame.
+            // The event Sent must come after the frame's last bit, and early enough to prepare the next frame.
             let air = (48 + 16 + 8 * (len as u64 + 3)) * 3_200 / 1_356;
             let late = rig.chip.now - began - air;
             assert!((50..170).contains(&late), "{len} bytes: {late} µs after the last bit");

@@ -59,7 +59,7 @@ pub(crate) const CASES: [Case; 20] = [
     Case::Restarted,
 ];
 
-/// The classes of frames, by what the sequence says of a frame.
+/// The classes of frames by the sequence's judgement.
 pub(crate) const CLASSES: [&str; 3] = ["in sequence", "out of sequence", "no object intact"];
 
 impl Case {

@@ -135,7 +135,6 @@ pub(crate) fn command(cycles: &Cycles) {
         |command| commanded(*command, &telemetry),
         |_, (hold, answer)| hold.command(answer, 4, &telemetry),
     );
-    // Each of the four inputs runs twice, each time with a command of each writer.
     defmt::assert_eq!((telemetry.commands_done.get(), telemetry.commands_refused.get()), (12, 4));
     taken.assert("Hold::command, one of each writer", bounds(1_600, 1_200, 4_600, u32::MAX));
     let taken = cycles.over_prepared(

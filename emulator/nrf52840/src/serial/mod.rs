@@ -10,9 +10,9 @@
 //! | `spis` | the SPI target with its semaphore | 6.26 |
 //! | `twim`, `twis` | TWIM, TWIS | 6.31, 6.32 |
 //!
-//! "To ensure correct behavior", the PS demands SCK, MOSI and CSN of SPIM as outputs and MISO as an input (6.25, *Pin
-//! configuration*), and all pins of SPIS as inputs (6.26). Here another pin in place of an output carries nothing, and
-//! an input without its buffer reads 0. Both are findings.
+//! The PS demands SCK, MOSI and CSN of SPIM as outputs and MISO as an input (6.25, *Pin configuration*), and all pins
+//! of SPIS as inputs (6.26). In this model a pin that is no output carries no signal, and an input without its buffer
+//! reads 0. Both are findings.
 //!
 //! | left out | why |
 //! |---|---|
@@ -306,7 +306,7 @@ impl Instance for Serial {
             cx.misuse("pins or mode written during a transfer, at offset", offset);
         }
         match offset {
-            // The bus never stalls, and SEMSTAT is read-only.
+            // Writes of STALLSTAT and SEMSTAT do nothing: the bus never stalls, and SEMSTAT is read-only.
             0x400 => {}
             0x440 => self.status &= !value,
             0x500 => {

@@ -136,7 +136,7 @@ impl Soc {
                 _ => instance.read(offset, *now, clocks),
             }
         });
-        // Apart from these two, only the legacy UART has a register that changes when it is read.
+        // Of the registers that are left, only the legacy UART's RXD changes when it is read.
         if real && matches!((id, offset), (0x02 | 0x28, 0x518)) {
             call!(self, id, instance, cx => instance.was_read(offset, cx));
             self.carry(outside);

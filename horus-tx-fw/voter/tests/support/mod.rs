@@ -171,7 +171,7 @@ pub(crate) fn geodetic([x, y, z]: Vector) -> (f64, f64) {
 pub(crate) struct Opinion {
     pub(crate) members: Vec<usize>,
     pub(crate) excluded: Vec<usize>,
-    /// The place of the result in space at height 0, and its height.
+    /// The place of the result in space at height 0, and the altitude, if there is one.
     pub(crate) position: Option<(Vector, Option<f64>)>,
     pub(crate) attitude: Option<[f64; 3]>,
     pub(crate) acceleration: Option<[f64; 3]>,
@@ -424,9 +424,8 @@ impl Oracle {
     }
 }
 
-/// Returns the age of each position at the tick, s. The candidate whose message has the median delay after its time of
-/// week gets 50 ms, another candidate as much more or less as its message came later or sooner. If the difference is
-/// above 50 ms, it gets 50 ms again.
+/// Returns the age of each position at the tick, s: the time since its arrival, and its latency by decision 15 (brought
+/// to the tick).
 fn ages(report: &[Report], candidates: &[usize]) -> Vec<f64> {
     const WEEK: f64 = 604_800.0;
     let lag = |i: usize| {

@@ -7,8 +7,8 @@ use crate::{CYCLE_MS, Freshness, LinkStatus, ReportedPosition, ReportedValues, f
 /// The time after an image's publication at which the DPR stops showing the image, µs (docs/design.md#publication).
 pub const EXPIRY_US: u32 = 25_000;
 
-/// The tolerance, µs, for the instant at which a sample is read, against its timestamp; 2 % of the step are added. It
-/// is the time for which an image can be read, and the tolerance that [`sequence`](crate::sequence) has for the link.
+/// The tolerance, µs, between the instant at which a sample is read and its timestamp; 2 % of the step are added. It is
+/// the sum of the time for which an image can be read and the link's tolerance in [`sequence`](crate::sequence).
 pub const TOLERANCE_US: u32 = EXPIRY_US + crate::sequence::TOLERANCE_US;
 
 /// What a transaction read, as far as the tracking needs it.
