@@ -214,7 +214,6 @@ impl<const N: usize> Commit<N> {
         &self.link
     }
 
-    /// Publishes an image if a deadline has passed by `until_us`, and returns whether one has.
     fn lapse(&mut self, until_us: u32, health: &Health, images: &mut impl Images) -> bool {
         let Some(lapse) = self.monitor.lapse(until_us) else { return false };
         self.link.missed(lapse.missed);

@@ -54,7 +54,6 @@ struct World {
     /// Whether SPIM0 hangs, so that started transfers never end.
     stuck: bool,
     irq: bool,
-    /// The instant at which the IRQ pin rose last, ns.
     irq_rose_ns: u64,
     rises_in_status_reads: u32,
 }
@@ -92,7 +91,6 @@ impl World {
         }
     }
 
-    /// Sends a frame whose first bit is on the air at instant `at`, ns.
     fn send(&mut self, at: u64, payload: &[u8], damage: impl FnOnce(&mut [u8])) {
         let mut data = vec![payload.len() as u8 + 1];
         data.extend(payload);
@@ -353,7 +351,6 @@ impl<const N: usize> Dpr<N> {
         }
     }
 
-    /// Makes the calls that the RFID, commit and scrub tasks make, one task after the other.
     fn serve(&mut self) {
         let Self { world, receiver, rotation, front_end, front_ends, commit, album, telemetry, commit_waits } = self;
         let called = receiver.serve::<N>(Own(rotation), Own(front_end), telemetry) != Call::None;

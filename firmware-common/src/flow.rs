@@ -100,7 +100,7 @@ impl<S: Step> Flow<S> {
 mod tests {
     use super::*;
 
-    /// A cycle of 100 counts: a slot 30 counts after the tick, and a task of each.
+    /// The steps of a cycle of 100 counts: a tick, a slot 30 counts later, and a task after each of them.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     enum Four {
         Tick,

@@ -146,7 +146,6 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Draws an ordinary temperature, any number, NaN or `None`, each equally often.
     fn any_celsius() -> impl Strategy<Value = Option<f32>> {
         prop_oneof![
             (-60.0_f32..130.0).prop_map(Some),

@@ -159,7 +159,6 @@ mod app {
         )
     }
 
-    /// Runs when no other task does: verifies memory, logs each second, feeds the watchdog and sleeps.
     #[idle(local = [watchdog, patrol, memory], shared = [link, readings])]
     fn idle(mut cx: idle::Context) -> ! {
         let mut last_us = hw::now_us();
@@ -219,7 +218,6 @@ mod app {
         stop("flow", Stop::new(Cause::Flow, safe_state::active_exception(), step as u32))
     }
 
-    /// Stops the hold because of `stop`, which the check of `what` has found.
     #[cold]
     #[inline(never)]
     fn stop(what: &'static str, stop: Stop) -> ! {
@@ -306,7 +304,6 @@ mod app {
         CHECK_IN.check_in(Task::answer);
     }
 
-    /// Runs at each beat: reads the sensors, and waits for their bus.
     #[task(binds = SWI2_EGU2, priority = 1, local = [sensors], shared = [readings])]
     fn sensors(mut cx: sensors::Context) {
         let begun = hw::now_us();

@@ -26,9 +26,7 @@ struct Board {
     /// The sample that the model of the accelerometer takes at present, left-aligned.
     sample: [i16; 3],
     measured: [u16; 2],
-    /// Whether the climate sensor has a measurement ready.
     measuring: bool,
-    /// The numbers of the transfers that the bus refuses.
     refuses: std::ops::Range<u32>,
     transfers: u32,
     accelerometer_absent: bool,

@@ -134,7 +134,6 @@ mod tests {
         assert_eq!((0..40).filter(|_| slices.take(|| true)).count(), MOST_SLICES as usize);
     }
 
-    /// Returns what is logged in each of `calls`. At the calls whose index is in `busy`, no message can be written.
     fn logged(calls: &[(Option<Fault>, u32)], busy: &[usize], telemetry: &Telemetry) -> Vec<Vec<Message>> {
         let mut journal = Journal::new();
         let call = |(number, (fault, second)): (usize, &(Option<Fault>, u32))| {

@@ -201,7 +201,6 @@ mod app {
         safe_state::name_faults(&mut cx.core.SCB);
         mpu::apply(&mut cx.core.MPU, &protection::START);
 
-        // The watchdog has just been fed. Before its time is over, all tasks have to check in.
         watchdog.feed();
 
         let radio = Radio::new(&mut rcc, device.SPI1, device.TIM5, device.SYSCFG, &device.EXTI);
@@ -339,7 +338,6 @@ mod app {
         stop("kept state", Stop::new(Cause::Ram, safe_state::active_exception(), address))
     }
 
-    /// Stops HORUS because of `stop`, which the check of `what` has found.
     #[cold]
     #[inline(never)]
     fn stop(what: &'static str, stop: Stop) -> ! {

@@ -350,7 +350,6 @@ mod tests {
             assert!(filter.keeps(byte) && !filter.has_nothing_more(), "{byte:#04x}");
         }
         assert_eq!(ends(&mut filter, 6), [more, more, more, no_more, no_more, no_more]);
-        // The last bytes of a message are not filler, even if they are 0xFF.
         for byte in [0xB5, 0x62, 0x01, 0x07, 3, 0, FILLER, FILLER, FILLER, FILLER, FILLER] {
             assert!(filter.keeps(byte) && !filter.has_nothing_more());
         }
@@ -369,7 +368,6 @@ mod tests {
             assert!([0xB5, 0x62, 0x01, 0x07, low, high].into_iter().all(|byte| filter.keeps(byte)));
             filter.keeps(FILLER)
         };
-        // In a message, sync, class, identifier and length are six bytes, and the checksum is two.
         assert!(is_followed(0) && is_followed(248));
         assert!(!is_followed(249) && !is_followed(0x0107) && !is_followed(u16::MAX));
     }

@@ -148,7 +148,6 @@ mod tests {
         Levels { active, inactive }
     }
 
-    /// Returns HORUS's state after each sample of the motor cut, while the other two inputs are inactive.
     fn of_motor_cut(samples: &[Says]) -> Vec<HorusState> {
         let mut inputs = StateInputs::new();
         let step = |says: &Says| {

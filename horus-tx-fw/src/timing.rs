@@ -87,7 +87,6 @@ pub const fn payload(frame: usize) -> usize {
 /// Returns the air time of frame `frame`, µs, rounded up.
 #[must_use]
 pub const fn air_us(frame: usize) -> u32 {
-    // The payload's length fits a byte, because it is at most `profile::air::LONGEST_PAYLOAD`.
     air::air_time_ns(payload(frame) as u8).div_ceil(1_000) as u32
 }
 

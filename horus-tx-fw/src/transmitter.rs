@@ -199,7 +199,8 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
     fn prepare(&mut self) -> Option<PollerEvent> {
         self.prepared = if self.next < FRAMES { self.next } else { 0 };
         let length = payload(self.prepared);
-        // If the state machine refuses, it is given a failure, which it reports and recovers from.
+        // A state machine that refuses the frame gets the input of a failed transfer, which it reports and recovers
+        // from.
         self.executor.go_on(|poller| poller.prepare(length).unwrap_or_else(|_| poller.step(Input::Failed)))
     }
 

@@ -465,7 +465,6 @@ fn a_solution_tells_its_age_in_steps_of_25_ms() {
     assert_eq!(came_since.status.solution_age_ms(), Some(0));
     let (_, [never]) = read(&Cycle::new().voted_and_filled(7, &[Solution::default()]));
     assert_eq!(never.status.solution_age_ms(), None);
-    // A message with an attitude or an acceleration does not count as a solution.
     let (_, [no_position]) = read(&Cycle::new().voted_and_filled(7, &[heard(&[nav_att(1, [1; 3], [1; 3])], 70)]));
     assert_eq!(no_position.status.solution_age_ms(), None);
 }
@@ -528,7 +527,6 @@ proptest! {
             prop_assert_eq!(gps.status.attitude_valid(), angles.iter().all(|angle| angle.is_finite()));
             prop_assert_eq!(gps.status.acceleration_valid(), gps.acceleration.iter().all(|axis| axis.is_finite()));
         }
-        // Five receivers send the same values, so all of them agree.
         prop_assert_eq!(reported.status.position_valid(), gps[0].status.position_valid());
         prop_assert_eq!(reported.status.receivers_agreeing(), 5 * u8::from(gps[0].status.position_valid()));
         prop_assert_eq!(reported.status.position_valid(), reported.latitude.is_finite());

@@ -427,7 +427,6 @@ fn the_lag_is_the_arrival_less_the_time_of_week() {
         (0, week - 200, 200),
         (160, week - 100, 260),
         (300, 0, 300),
-        // A message that repeats a time of week does not renew the solution.
         (900, 0, 300),
         (week + 1_050, 1_000, 50),
         // These times of week lie beyond the end of the week. No receiver sends them.

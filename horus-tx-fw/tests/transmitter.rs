@@ -18,7 +18,6 @@ use st25r3916::{
 };
 use st25r3916_model::{AirEvent, Chip, Config, Space};
 
-/// The time that one byte takes on the SPI at 9 MHz, ns, rounded up.
 const BYTE_NS: u64 = 889;
 /// The time of a transfer's start and end, ns: an interrupt and its handler.
 const OVERHEAD_NS: u64 = 2_000;
@@ -43,7 +42,6 @@ struct Bench {
     frame: Range<usize>,
     hang: bool,
     aborted: u32,
-    /// The delay before the load of a frame's rest begins in the model, ns.
     rest_late_ns: u64,
 }
 
@@ -130,7 +128,6 @@ impl transmitter::FrontEndPort for Bench {
     }
 }
 
-/// The start and the payload of a frame that was on the air.
 struct Sent {
     at: u64,
     payload: Vec<u8>,
@@ -237,7 +234,6 @@ fn run_on(
     (sent, bench)
 }
 
-/// Whether `frame` has a frame's length, and every object in it is intact.
 fn is_whole(frame: &Sent) -> bool {
     let objects = air::objects::<RECEIVERS>(&frame.payload);
     objects.is_ok_and(|mut objects| objects.all(|(index, bytes)| Object::verify(index, bytes).is_ok()))

@@ -78,7 +78,6 @@ const KINDS: [Kind; 15] = [
     Kind::Heading,
 ];
 
-/// A sequence of numbers from a seed (SplitMix64).
 struct Draw(u64);
 
 impl Draw {
@@ -99,7 +98,7 @@ impl Draw {
 struct Failure {
     kind: Kind,
     from_ns: u64,
-    /// The direction of the error, north and east, up to 1.
+    /// The direction of the error as parts north and east, each up to 1.
     direction: [f64; 2],
     metres: f64,
     metres_per_s: f64,
@@ -253,7 +252,6 @@ fn each(bytes: Vec<u8>, all: impl Fn(&mut [u8], usize), mut pvt: impl FnMut(&mut
     changed
 }
 
-/// Returns the time of week of a burst, taken from NAV-PVT, which comes first.
 fn itow(burst: &[u8]) -> [u8; 4] {
     burst[6..10].try_into().expect("four bytes")
 }
@@ -270,7 +268,6 @@ struct Outcome {
     without: u32,
     /// The number of ticks after [`SETTLED_MS`] at which the two right receivers would not agree if they voted alone.
     apart: u32,
-    /// The number of ticks at which a right receiver was excluded.
     wronged: u32,
     /// The number of ticks at which fewer receivers agreed than are fitted although the status did not say *degraded*.
     undegraded: u32,
@@ -441,7 +438,6 @@ fn one_of_three(runs: u64) {
     println!("altitude off by {worst_height:.2} m, heading by {worst_heading:.1} degrees at worst");
 }
 
-/// Makes two of three receivers fail, each in its own way and at its own time.
 fn two_of_three(runs: u64) {
     let (mut valid_far, mut worst, mut without) = (0, 0.0_f64, 0_u64);
     for seed in 0..runs {

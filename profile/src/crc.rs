@@ -88,7 +88,6 @@ impl FourTables {
         Self(tables)
     }
 
-    /// Returns the CRC register after `bytes`, where `register` is the CRC register before them.
     fn update(&self, mut register: u32, bytes: &[u8]) -> u32 {
         let [behind_0, behind_1, behind_2, behind_3] = &self.0;
         let (words, rest) = bytes.as_chunks();

@@ -46,7 +46,6 @@ macro_rules! with_receivers {
     };
 }
 
-/// The numbers of receivers that a profile can have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Receivers {
     One,

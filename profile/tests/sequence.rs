@@ -240,8 +240,6 @@ fn a_clock_off_by_over_2_percent_is_reported_within_two_windows() {
 #[test]
 fn the_clocks_are_compared_over_one_second_and_not_less() {
     let mut sequence = held(5_000, 40_000);
-    // The window over which clocks are compared begins with the cycle that found the sequence. It ends 100 cycles
-    // later.
     assert_eq!(run(&mut sequence, 10_000, 1), None);
     let mut sequence = held(5_000, 40_000);
     assert_eq!(run(&mut sequence, 12_500, 300), Some(80));

@@ -57,7 +57,6 @@ struct Wires<SPI: SpiDevice, IRQ: InputPin, DELAY> {
     irq: IRQ,
     delay: DELAY,
     response: [u8; Short::MAX],
-    /// The payload that is sent, or the frame that was received.
     frame: [u8; BUFFER],
     made: Made,
     left_us: u32,
@@ -143,7 +142,6 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Port for Wires<SPI, IRQ, DEL
     }
 }
 
-/// The next event `E` of a state machine; `None` if the time limit ends first.
 type Next<E, S, P> = Result<Option<E>, Error<S, P>>;
 
 type Blocking<M, SPI, IRQ, DELAY> = Executor<M, Wires<SPI, IRQ, DELAY>>;

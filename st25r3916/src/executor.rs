@@ -107,7 +107,6 @@ pub trait Port {
     fn elapsed(&mut self) -> bool;
 }
 
-/// The condition for which an executor waits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Waiting {
     Transfer,

@@ -804,7 +804,6 @@ impl Frame {
         }
     }
 
-    /// Adds the flags of a status that was read during this frame.
     pub(crate) fn note(&mut self, status: Status) {
         let flag = |set: bool, flag: FrameFlags| if set { flag } else { FrameFlags::empty() };
         let ended = status.is_set(reg::IRQ_RXE);

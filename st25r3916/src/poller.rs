@@ -293,7 +293,6 @@ impl Poller {
             return self.sending(sending);
         }
         match (self.state, input) {
-            // The first arms of the match handle the states in which the last step was an event.
             (PollerState::New, _) => self.begin_bring_up(),
             (PollerState::FrameLost, _) => self.short(PollerState::Stopping, command::STOP),
             (PollerState::Ready | PollerState::Sent, _) | (PollerState::Sending(SendState::Loaded), Input::Start) => {

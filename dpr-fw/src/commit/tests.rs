@@ -63,12 +63,10 @@ impl Images for Album {
     }
 }
 
-/// Returns the instant, µs, at which frame number `frame` ends if its cycle is sampled at `sampled_us`.
 fn end<const N: usize>(sampled_us: u32, frame: usize) -> u32 {
     sampled_us.wrapping_add(air::age_at_end_us::<N>(frame).expect("a frame of the cycle"))
 }
 
-/// The time from the end of a frame to its commit in these tests, µs.
 const WAITED_US: u32 = 90;
 
 struct Bench<const N: usize> {
@@ -83,7 +81,6 @@ impl<const N: usize> Bench<N> {
         bench.commit.begin(0, &bench.health, &mut bench.album);
         bench
     }
-    /// Returns a bench whose link is in sequence: the last cycle had timestamp 40 and was sampled at 40 ms.
     fn in_sequence() -> Self {
         let mut bench = Self::new();
         for cycle in 1..=4 {
@@ -197,7 +194,6 @@ fn is_not_withdrawn_while_a_frame_is_due<const N: usize>() {
         let mut bench = Bench::<N>::in_sequence();
         assert_eq!(bench.commit.withdraw(at_us, &Health::default(), &mut bench.album), withdrawn, "{at_us}");
         assert_eq!(bench.album.published.len(), usize::from(withdrawn));
-        // If no frame comes, the deadline publishes the image that replaces the damaged one.
         assert!(bench.check(due_us + 2_500 + end::<N>(0, air::frames(N) - 1) - end::<N>(0, 0)));
         assert_eq!(bench.album.shown::<N>(), []);
     }

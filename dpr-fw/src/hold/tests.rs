@@ -68,7 +68,6 @@ fn bytes_without_end_make_the_port_rest() {
     assert_eq!(budget.spent(), (1, Budget::BYTES));
 }
 
-/// Returns the hold's bits of Port-Status at `now_us`: whether a frame was heard and accepted, and both counts.
 fn bits(shared: &mut Shared, now_us: u32) -> (bool, bool, u8, u8) {
     let status = shared.show(now_us, &mut [0; SHOWN]);
     (status.hold_heard(), status.hold_accepted(), status.hold_objects_accepted(), status.hold_objects_rejected())
@@ -94,7 +93,6 @@ fn the_image_shows_the_object_of_the_hold_for_300_ms() {
     shared.show(1_000, &mut place);
     assert_eq!(place, [0; SHOWN]);
     shared.receive(object(100).as_bytes(), 9_000, 9_100).unwrap();
-    // A frame that is rejected must not change the hold's object.
     shared.receive(&[0x5A; 64], 20_000, 20_000).unwrap_err();
     shared.show(308_999, &mut place);
     assert_eq!(&place, object(100).as_bytes());

@@ -94,7 +94,6 @@ fn round(check: &mut ImageCheck<N>, board: &Board) -> Vec<usize> {
         .collect()
 }
 
-/// Returns the number of the object to which a byte of the image belongs; Link-Status is 0.
 fn object_of(byte: usize) -> usize {
     let at = |object: &usize| ImageCheck::<N>::place(*object).expect("an object").contains(&byte);
     (0..ImageCheck::<N>::OBJECTS).find(at).expect("every byte belongs to one")

@@ -72,7 +72,7 @@ fn authenticate(key: &[u8; 16], nonce: &[u8; 13], header: u8, clear: &[u8]) -> [
     first[1..14].copy_from_slice(nonce);
     first[15] = clear.len() as u8;
     let mut second = [0; 16];
-    // The additional data is the header byte without the bits that change when a packet is sent again.
+    // The cipher's additional data is the header byte without the bits that change when a packet is sent again.
     (second[1], second[2]) = (1, header & 0xE3);
     let mut state = encrypt(key, &first);
     let mut chain = |block: &[u8]| {

@@ -67,7 +67,6 @@ impl UartSource {
         unsafe { self.registers.get() }
     }
 
-    /// Sets the baud rate. The UART must be off.
     fn set_rate(&self, rate: Rate) {
         let baud = match rate {
             Rate::Usual => timing::GNSS_BAUD,

@@ -140,7 +140,6 @@ fn arc_tangent(tangent: f32) -> f32 {
     2.0 * half * series(half * half, TERMS)
 }
 
-/// Returns the sum of the series Σ terms\[k\] xᵏ.
 fn series<const K: usize>(x: f32, terms: [f32; K]) -> f32 {
     terms.iter().rev().fold(0.0, |sum, term| sum * x + term)
 }
@@ -256,8 +255,6 @@ mod tests {
     proptest! {
         #![proptest_config(seeded(20_000))]
 
-        /// The errors are within the bounds that the module's page states. Heights are checked too, since they depend
-        /// on the earth's curvature.
         #[test]
         fn the_way_to_a_place_has_the_accuracy_that_is_stated(
             here in anywhere(),
@@ -273,7 +270,6 @@ mod tests {
             }
         }
 
-        /// The computed distance between two places is at least half of the true distance, however far apart they are.
         #[test]
         fn places_that_are_far_apart_are_far_apart(here in anywhere(), there in anywhere()) {
             let found = length(here.place().to(&there.place(), [0.0; 2]).map(f64::from));

@@ -434,7 +434,6 @@ impl hold::Mark for Spot {
     }
 }
 
-/// Returns the median position of the receivers that agree: the median north and the median east, separately.
 fn spot<const N: usize>(inputs: &[Input; N], brought: &[Brought; N], places: &[[[f32; 2]; N]; N], members: u8) -> Spot {
     // The metres count from the first member's place, since that member's row has the places of all members.
     let place: Place = first(members, &inputs.each_ref().map(|input| input.fix.place));
@@ -493,7 +492,7 @@ fn attitude<const N: usize>(inputs: &[Input; N], members: u8) -> Option<[f32; 3]
     let mut attitude = [0.0; 3];
     for (axis, from) in [-PI, 0.0, -PI].into_iter().enumerate() {
         let angles = axis_of(inputs, |input| input.attitude, axis, ANGLE_MAX);
-        // No limit is near half a turn, so two angles agree if both differ from the first angle by amounts that agree.
+        // The limits are far below half a turn. So two angles agree if their differences from the first angle agree.
         let (reference, differences) = about_first(angles, oriented);
         let (middle, spread) = median_and_spread(differences, oriented);
         agree &= spread <= ATTITUDE_LIMITS_RAD[axis];

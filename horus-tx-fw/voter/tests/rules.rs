@@ -189,7 +189,7 @@ fn climb(one: Report, other: Report) -> f64 {
 
 #[test]
 fn two_receivers_agree_within_three_standard_deviations_and_fixed_limits() {
-    // The positions are 50 ms old and at rest, which adds 5 mm to an accuracy.
+    // At rest, the 50 ms of a position's age add 5 mm to its accuracy.
     for (one, other, expected) in [
         (1_000, 1_000, 5.0),
         (1_650, 100, 5.0),
@@ -220,7 +220,7 @@ fn accuracies_grow_with_speed_and_with_the_square_of_the_age() {
     let still = GOOD.stating(1_000, 1_000);
     let horizontal = reach(still, fast([30_000, 40_000, 0]).moved(-0.55 * 30.0, -0.55 * 40.0));
     assert!((horizontal - 21.53).abs() < 0.03, "{horizontal}");
-    // A receiver that moves at 50 m/s downwards has a vertical accuracy of 7.105 m, too.
+    // A receiver that descends at 50 m/s has a vertical accuracy of 7.105 m.
     let vertical = climb(still, fast([0, 0, 50_000]).raised(0.55 * 50.0));
     assert!((vertical - 21.527).abs() < 0.01, "{vertical}");
     let upwards = climb(still, fast([0, 0, -50_000]).raised(-0.55 * 50.0));
@@ -600,7 +600,6 @@ struct Flight {
 }
 
 impl Flight {
-    /// Returns a flight after one tick at the place where all flights begin.
     fn begun(now: u32) -> Self {
         let mut flight = Self { voter: Voter::new(), now };
         assert!(flight.is_shown(GOOD), "the first is shown");
@@ -841,7 +840,6 @@ fn anything() -> impl Strategy<Value = Report> {
     )
 }
 
-/// Draws a report that is wrong in one field or in all fields, by a little or by much.
 fn wrong() -> impl Strategy<Value = Report> {
     prop_oneof![
         anything(),

@@ -207,7 +207,7 @@ impl Commands {
     /// Executes each new command in `answer`, the base station's first, if its uplink is fresh. `now_ms` is the time
     /// since the hold's start. `execute` gets the writer and the command, and enforces the hold's limits.
     ///
-    /// The hold calls this for each answer. A missing or damaged uplink changes nothing.
+    /// To be called for each answer. A missing or damaged uplink changes nothing.
     pub fn take<C: Words>(&mut self, answer: &Answer, now_ms: u64, mut execute: impl FnMut(Function, C) -> Executed) {
         // Both uplinks are verified before either command is executed, so that the work does not depend on the
         // commands.

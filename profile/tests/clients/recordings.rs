@@ -391,7 +391,6 @@ fn clocks() -> Tape {
     world.tape
 }
 
-/// Records that an intact object in a requested window shows that the DPR answers, and that other bytes do not.
 fn windows_and_silence() -> Tape {
     let mut world = started::<3>(|world| world.port = port(true));
     let layout = Layout::for_receivers(3).expect("a profile");

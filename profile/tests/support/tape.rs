@@ -106,7 +106,6 @@ impl<'a> Rest<'a> {
     }
 }
 
-/// The number of a result in C, as `horus_dpr_result_t` defines it.
 fn code<T>(result: Result<T, Rejection>) -> u8 {
     match result {
         Ok(_) => 0,

@@ -29,7 +29,6 @@ fn next(rig: &mut Rig, answerer: &mut Answerer) -> AnswererEvent {
     rig.run(answerer, Step::Event(AnswererEvent::Listening))
 }
 
-/// Sends a frame of 64 bytes to the answerer and expects its delivery.
 fn receive(rig: &mut Rig, answerer: &mut Answerer) {
     let payload: Vec<u8> = (0..64).collect();
     rig.chip.frame(rig.chip.now + 200, &payload);

@@ -26,7 +26,6 @@ fn ready(chip: Chip) -> (Rig, Exchange) {
     (rig, exchange)
 }
 
-/// Loads a frame of 64 bytes, after which the transmit command is due.
 fn load(rig: &mut Rig, exchange: &mut Exchange) {
     rig.payload = (0..64).collect();
     let step = exchange.prepare(64).expect("it is ready");
@@ -369,7 +368,6 @@ fn a_frame_is_prepared_only_between_exchanges() {
     load(&mut rig, &mut machine);
     assert!(!machine.is_ready());
     assert_eq!(machine.prepare(64), Err(SendError::NotReady));
-    // The owner may also give up a frame that is already loaded.
     assert_eq!(rig.run(&mut machine, Step::Event(ExchangeEvent::Loaded)), ExchangeEvent::Ready);
     assert!(machine.is_ready() && rig.chip.sent.is_empty());
     load(&mut rig, &mut machine);

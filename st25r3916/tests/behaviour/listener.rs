@@ -662,7 +662,6 @@ fn the_field_coming_and_going_is_told() {
         hears(&mut rig, &mut listener, 244);
         rig.chip.at(rig.chip.now + 5_000, Happening::Irq(TIMER, EOF));
         assert_eq!(rig.listener(&mut listener), ListenerEvent::FieldOff);
-        // While the field is off for 0.4 s, the listener checks the chip and reports nothing.
         assert_eq!(rig.listener_within(&mut listener, 160), None);
         assert!(rig.chip.now > 400_000);
         assert_eq!(listener.counters().faults, 0);
@@ -716,7 +715,6 @@ fn a_change_of_field_without_its_interrupt_is_reported_within_25_ms() {
         assert_eq!(rig.listener(&mut listener), event);
         assert!(rig.chip.now - changed < 25_000, "{} µs", rig.chip.now - changed);
     }
-    // A reported state of the field is not reported a second time.
     assert_eq!(rig.listener_within(&mut listener, 100), None);
 }
 
@@ -1026,8 +1024,6 @@ fn every_flipped_setting_is_told_within_one_rotation() {
                 rig.chip.flip(space, address, bit);
                 let mut frames = 0;
                 let fault = loop {
-                    // The chip receives a frame every 10 ms, unless the inverted bit makes it deaf. In both cases one
-                    // setting is read back in each cycle.
                     rig.chip.frame(rig.chip.now + 5_000, &payload(244, 1));
                     match rig.listener(&mut listener) {
                         ListenerEvent::Fault(fault) => break fault,

@@ -187,7 +187,6 @@ fn the_supply_is_measured_anew_at_every_bring_up() {
     assert_eq!(rig.chip.a[1], 0xBC);
     rig.assert_no_misuse();
 
-    // A bring-up that fails discards the measured supply of the bring-up before.
     rig.chip.supply_mv = 2_000;
     rig.chip.at(rig.chip.now, Happening::PowerUpReset);
     assert_eq!(rig.poller_next(&mut poller), PollerEvent::Fault(Fault::Reset));

@@ -25,7 +25,6 @@ enum Said {
     Send(usize),
 }
 
-/// Draws a byte. Bytes that a real chip sends are drawn more often than others.
 fn byte() -> impl Strategy<Value = u8> {
     prop_oneof![
         any::<u8>(),
@@ -66,7 +65,6 @@ fn poller_config() -> impl Strategy<Value = PollerConfig> {
         .prop_map(|(receiver, check_left_over, check_field)| PollerConfig { receiver, check_left_over, check_field })
 }
 
-/// Checks that a step of a machine is within the documented limits.
 fn check<E>(step: &Step<E>) {
     match *step {
         Step::Transfer(Transfer::Short(short)) => assert!((1..=8).contains(&short.bytes().len())),

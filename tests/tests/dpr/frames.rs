@@ -6,7 +6,6 @@ use profile::{crc, Profile};
 
 pub(crate) const SIZE: usize = Profile::<RECEIVERS>::SIZE;
 pub(crate) const OBJECTS: usize = RECEIVERS + 1;
-/// The number of bytes of an object's CRC, which is the object's end.
 const CRC: usize = 4;
 /// The offset of the first byte of the latitude in every object.
 const LATITUDE: usize = 8;

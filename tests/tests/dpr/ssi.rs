@@ -96,7 +96,6 @@ struct Wires<'m, 'a, 'q> {
     area: Option<Filling<&'a mut ReceiveArea>>,
     areas: SsiEnd<'q, &'a mut ReceiveArea>,
     released: u32,
-    /// The values of the cycle counter when the events were taken, and when the buffers were released.
     begun_at: u32,
     released_at: u32,
     handed_over: Option<HandedOver>,

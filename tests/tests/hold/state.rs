@@ -96,7 +96,6 @@ pub(crate) fn keep(cycles: &Cycles) {
     taken.assert("Keeper::take", bounds(480, 380, 1_350, 8));
 }
 
-/// Fills the uplink of role `W` in `answer` with what `sender` has to say at `tick`.
 fn fill<W: WritesUplink>(answer: &mut Answer, sender: &Sender<W>, writer: Writer<W>, tick: u32) {
     let mut values = UplinkValues { timestamp: 80 * tick, ..UplinkValues::default() };
     sender.fill(&mut values.payload);

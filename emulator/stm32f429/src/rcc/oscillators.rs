@@ -122,7 +122,7 @@ impl Rcc {
         }
         self.hse_there = true;
         if self.stopped && self.system != 0 {
-            // A system that stood still because HSE had failed runs again.
+            // The system stood still because HSE had failed, and runs again.
             self.cr |= HSERDY;
             if self.system == 2 {
                 self.cr |= PLLRDY;

@@ -6,7 +6,6 @@ use std::cmp::Ordering;
 
 use horus_voter::{Fix, Input, Stated};
 
-/// What a receiver reports, before it is converted to the voter's own type.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Report {
     pub(crate) valid: bool,
@@ -146,7 +145,6 @@ impl Place {
         [0, 1, 2].map(|i| self.at[i] + north * self.north[i] + east * self.east[i])
     }
 
-    /// Returns the metres north and east from this place to a point, and the distance between the two.
     pub(crate) fn to(&self, point: Vector) -> (f64, f64, f64) {
         let d = minus(point, self.at);
         (dot(d, self.north), dot(d, self.east), dot(d, d).sqrt())
@@ -195,7 +193,6 @@ struct Spot {
     accuracy: f64,
 }
 
-/// The altitude of a result, and the accuracy of its worst member, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Level {
     height: f64,

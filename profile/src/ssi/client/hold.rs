@@ -55,7 +55,7 @@ struct Last {
 #[derive(Clone, Debug, Default)]
 pub struct HoldTrack {
     last: Option<Last>,
-    /// The instant at which the bytes of Hold-Status were last read as an intact object or as vacant, µs.
+    /// The instant, µs, of the last reading that showed an intact Hold-Status, or 0x00 or 0xFF throughout in its place.
     looked_us: Option<u64>,
 }
 

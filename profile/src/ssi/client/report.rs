@@ -33,8 +33,8 @@ pub enum Verdict {
     /// Every byte is 0xFF, or there are no bytes: the DPR was busy and has not received the request, which the client
     /// sends again.
     Busy = 8,
-    /// Link-Status is not intact, or Reported-Position is neither intact nor vacant, or they were not read whole. The
-    /// data are not used.
+    /// Link-Status is not intact, or Reported-Position is neither intact nor 0x00 or 0xFF throughout, or one of them
+    /// was not read whole. The data are not used.
     Damaged = 9,
     /// There were no intact data for more than [`Config::silence_us`](super::Config::silence_us): the DPR is off, hung
     /// or not connected. This replaces [`Busy`](Self::Busy) and [`Damaged`](Self::Damaged).
