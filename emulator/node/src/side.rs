@@ -83,7 +83,6 @@ impl<B: Board> Side<B> {
         answer
     }
 
-    /// Lets the board react, and takes over the part's changes.
     #[inline]
     pub(super) fn after(&mut self, at: Cycle) {
         if self.touched {

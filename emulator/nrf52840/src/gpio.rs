@@ -251,7 +251,6 @@ impl Gpio {
         self.settle_all(now, out);
     }
 
-    /// Returns all pins from peripherals to GPIO.
     pub(crate) fn let_go(&mut self, now: Cycle, out: &mut Outbox) {
         self.held = [None; 64];
         self.settle_all(now, out);

@@ -50,7 +50,6 @@ pub(crate) enum Direction {
     MemoryToMemory,
 }
 
-/// A DMA request: the number of the instance, and the mask of its request outputs.
 type Source = (u8, u8);
 
 const fn no() -> Source {

@@ -202,7 +202,6 @@ pub struct Stm32f429 {
     can: Can,
     dac: Dac,
 
-    /// The cycle of the next event of each instance.
     due: [Cycle; GROUPS * 8],
     group_due: [Cycle; GROUPS],
     next: Cycle,

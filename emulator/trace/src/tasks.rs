@@ -159,7 +159,6 @@ impl TaskWatch {
         self.idle(at, marks);
     }
 
-    /// Records that all active exceptions after the first `stay` have ended.
     fn leave(&mut self, at: u64, stay: usize, marks: &mut Vec<TaskChange>) {
         for (ended, _) in self.entered.split_off(stay) {
             let signal = self.signal(ended);

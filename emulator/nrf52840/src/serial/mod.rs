@@ -53,7 +53,6 @@ const TWIS: u32 = 9;
 /// MAXCNT has 16 bits in every instance of this part.
 const MAXCNT_MASK: u32 = 0xFFFF;
 
-/// The holder of the semaphore, as SEMSTAT shows it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Semaphore {
     Free = 0,
@@ -108,7 +107,6 @@ impl Buffer {
     }
 }
 
-/// Stores a received byte in the buffer `rx`. Returns `false` if the buffer is full.
 #[inline]
 fn receive(rx: &mut Buffer, byte: u8, cx: &mut Cx<'_>) -> bool {
     let Some(address) = rx.next() else {

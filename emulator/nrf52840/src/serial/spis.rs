@@ -155,7 +155,6 @@ impl Serial {
         drives.then_some(miso)
     }
 
-    /// Exchanges one byte, in its order on the wire.
     fn exchange(&mut self, mosi: u8, cx: &mut Cx<'_>) -> u8 {
         let heard = self.on_the_wire(mosi);
         let Some(transaction) = &mut self.transaction else {

@@ -49,7 +49,6 @@ use map::*;
 
 pub(crate) const INTERRUPT_LINES: u16 = 48;
 
-/// The cause of a wake-up from System OFF by LPCOMP.
 const BY_LPCOMP: &str = "LPCOMP";
 
 #[derive(Clone, Debug)]

@@ -51,7 +51,6 @@ impl Soc {
         }
     }
 
-    /// Exchanges a byte between a controller and the device at its pins.
     pub(super) fn exchange<O: Outside>(&mut self, id: Id, mosi: u8, begins: Cycle, outside: &mut O) {
         let number = serial_number(id);
         let wires = self.parts.serial[number].wires();

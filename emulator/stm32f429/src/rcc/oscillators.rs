@@ -16,7 +16,6 @@ impl Rcc {
         (ns.saturating_mul(self.clocks.hclk_hz / 1000) / 1_000_000).max(1)
     }
 
-    /// Starts each clock source that is switched on but not ready.
     pub(super) fn start(&mut self, now: Cycle) {
         let hse_source = self.hse_there && self.cr & HSEON != 0;
         let pll_source = if self.pllcfgr & PLLSRC != 0 { self.cr & HSERDY != 0 } else { self.cr & HSIRDY != 0 };
