@@ -13,8 +13,8 @@ each_task!(firmware_common::task_table);
 
 /// A step of the hold's cycle, whose order and times the firmware checks ([`firmware_common::flow`]).
 ///
-/// The slot comes first, since the timer starts at 0 and so meets it before the first beat. Any other task is called at
-/// each beat as well, but the front end and the bus of the sensors decide how often, or how long, it runs.
+/// The slot comes first, because the timer starts at 0 and reaches the slot before the first beat. Each beat calls the
+/// other tasks as well, but they are no steps: the front end and the sensors' bus decide when and how long they run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
     /// The slot, [`SLOT_US`] after each beat. The first slot of a cycle sends the frame.

@@ -160,8 +160,8 @@ const WATCHDOG_COUNTS: u32 = WATCHDOG_MS * 32 / 4;
 /// The value of the watchdog's reload register. The watchdog resets one count after it has reached 0 (RM0090 21.3).
 pub const WATCHDOG_RELOAD: u32 = WATCHDOG_COUNTS - 1;
 
-/// The watchdog's time from the reset until it is first fed, ms at the nominal 32 kHz. The watchdog counts from the
-/// reset value of its reload register then (RM0090 21.3.1). With LSI at 17 to 47 kHz this time is 348 to 964 ms.
+/// The time from the reset until the watchdog is first fed, ms at the nominal 32 kHz. Until then, the watchdog counts
+/// from the reset value of its reload register (RM0090 21.3.1). With LSI at 17 to 47 kHz this time is 348 to 964 ms.
 pub const FIRST_WATCHDOG_MS: u32 = 4_096 * 4 / 32;
 
 /// The watchdog's shortest time, ms: it is 68 to 190 ms, since LSI runs at 17 to 47 kHz (DS9405).

@@ -32,8 +32,8 @@ impl Freshness {
 
 /// The relation of timestamp `now` to `previous`, the timestamp before it; both in ms since HORUS's start.
 ///
-/// Timestamps wrap after 49.7 days. A timestamp is ahead by less than half of that time, or else it is behind. So a
-/// HORUS that restarts after more than 24.8 days looks like one whose timestamp advanced.
+/// Timestamps wrap after 49.7 days. A step of less than 24.8 days, half of that, counts as an advance, and a larger one
+/// as a step back. So a HORUS that restarts after more than 24.8 days looks like one whose timestamp advanced.
 ///
 /// ```
 /// use profile::{Freshness, freshness};

@@ -94,7 +94,7 @@ use crate::{FRAME_US, Variant};
 
 /// The number of bytes that are still to come when the second read of [`ReadMode::WhileFilling`] begins. The third read
 /// begins 24 bytes later, 453 µs on air. The second read, at most 227 bytes, takes 237 µs at 8 MHz with its status. The
-/// executor has the rest of that time to verify the received bytes.
+/// rest of the 453 µs is the executor's, to verify the received bytes.
 pub const BODY: usize = 30;
 /// The number of bytes, the CRC-16 included, that are still to come when the third read of [`ReadMode::WhileFilling`]
 /// begins. They arrive within 113 µs, and the third read, at most 28 bytes, takes 38 µs at 8 MHz with its status. The
@@ -220,7 +220,7 @@ impl FrameFlags {
         self.0 & other.0 != 0
     }
 
-    /// The flags that are set in this set, in `other`, or in both.
+    /// The flags that are in at least one of both sets.
     #[must_use]
     pub const fn union(self, other: Self) -> Self {
         Self(self.0 | other.0)

@@ -1,5 +1,5 @@
-//! Tests the active hold on the page. The whole way of a command, with both firmwares and the hold's, is tested by
-//! `cargo xtask live` (xtask/src/live/tests/hold.rs).
+//! Tests the active hold on the page. `cargo xtask live` (xtask/src/live/tests/hold.rs) tests a command's whole way,
+//! with both firmwares and the hold's.
 
 use profile::criticality::ActiveLoad;
 use profile::hold::{Acknowledged, Outcome};

@@ -17,12 +17,12 @@ pub struct Budget {
 pub enum Turn {
     /// The second port may work as usual.
     Work,
-    /// The second port may work as usual, and this is the first call of a window.
+    /// The second port may work, and this is the first call of a window.
     Begin {
         /// Whether the second port was resting before this call.
         rested: bool,
     },
-    /// The second port stops working, because this call has found the budget used up.
+    /// The second port stops, because the budget is used up at this call.
     Rest,
     /// The second port does nothing, because the budget is used up and the window is not over.
     Resting,

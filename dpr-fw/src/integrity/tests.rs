@@ -15,7 +15,7 @@ struct Board {
     image: ImageMemory,
     generation: Cell<u32>,
     words_to_exchange: Cell<u32>,
-    /// The word and the bit in it that are wrong at the first read of this word, and only then.
+    /// A word, and the bit in it that is wrong the first time this word is read.
     wrong_read: Cell<Option<(usize, u32)>>,
 }
 

@@ -220,8 +220,8 @@ impl Board {
             self.happen(steps[taken]);
         }
         if *self.resting.borrow() {
-            // Once the budget's window has ended, the first call to check in ends the rest. It then handles the events
-            // that wait.
+            // The budget's window has ended, so this check-in ends the rest. The task then handles the events that
+            // wait.
             *self.wants_rest.borrow_mut() = false;
             *self.called_to_check_in.borrow_mut() = true;
             self.wake();

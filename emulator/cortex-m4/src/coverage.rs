@@ -144,8 +144,8 @@ fn flow_of(op: &Op) -> Flow {
     }
 }
 
-/// Returns whether the next instruction of an IT block has a condition that can fail, and the state of the rest of the
-/// block, which is 0 at its end.
+/// Returns whether the next instruction of an IT block has a condition that can fail. Also returns the state after that
+/// instruction, which is 0 at the block's end.
 #[must_use]
 pub const fn conditional(state: u8) -> (bool, u8) {
     (state != 0 && state >> 4 < 14, crate::run::after(state))

@@ -171,7 +171,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Records a change of IPSR that came from neither an entry nor a return. `before` is the value that IPSR had.
+    /// Records a change of IPSR outside an entry or a return. `before` is the earlier value.
     pub(crate) fn exception_changed_from(&mut self, before: u16) {
         if self.ipsr != before {
             self.exception_changed();

@@ -210,8 +210,8 @@ impl Gpio {
                 moved = was ^ self.dir[port];
             }
             0x520 => {
-                // A written 1 clears a latch. If the pin still meets its criterion, the latch is set again, and DETECT
-                // is low in between.
+                // A written 1 clears a latch. If the pin still meets its criterion, DETECT goes low for a moment and
+                // the latch is set again.
                 self.latch[port] &= !value;
                 if self.ldetect[port] {
                     self.detect = false;

@@ -250,8 +250,8 @@ impl<const N: usize> Voter<N> {
         let height = height(inputs, &brought, with_altitude);
         let is_stated = self.altitudes.take(now_ms, height, has_quorum, is_result);
 
-        // A receiver that agrees with no other is outvoted. Where a quorum has an altitude, the others must have one
-        // too.
+        // A receiver that agrees with no other is outvoted. If a quorum has altitudes, a receiver with an altitude must
+        // agree with another that has one.
         let peers =
             inputs.each_ref().map(|input| if has_quorum & input.fix.has_altitude { with_altitude } else { set });
         let mut with_peer = 0;
@@ -317,7 +317,7 @@ fn are_within(values: Option<[f32; 3]>, most: f32) -> bool {
     values.is_some_and(|values| values.iter().fold(true, |all, value| all & (value.abs() <= most)))
 }
 
-/// Returns one of the three numbers of each input, or 0 for an input without numbers or with one beyond `most`.
+/// Returns the coordinate `axis` of each input; 0 for an input without coordinates or with one beyond `most`.
 fn axis_of<const N: usize>(
     inputs: &[Input; N],
     of: impl Fn(&Input) -> Option<[f32; 3]>,
@@ -332,8 +332,8 @@ fn axis_of<const N: usize>(
 
 /// Returns the time from the epoch of each position to its arrival, in units of half a millisecond.
 ///
-/// All receivers tell the time of week of the same system. So if one receiver's message arrives later after its time of
-/// week than another's, its latency is greater by that difference. The candidate with the median latency gets
+/// All receivers tell the time of week of the same system. So a receiver's latency is greater by as much as its message
+/// arrives later after its time of week than another receiver's. The candidate with the median latency gets
 /// [`LATENCY_MS`], and the others as much more or less as their messages took. If the difference is above
 /// [`LATENCY_SPREAD_MS`], the receiver's time of week is wrong, and its position gets [`LATENCY_MS`], too.
 fn latencies<const N: usize>(inputs: &[Input; N], candidates: u8) -> [i32; N] {
@@ -369,9 +369,8 @@ fn bring(input: &Input, half_ms_before_arrival: i32) -> Brought {
     }
 }
 
-/// Returns two results. For each candidate, the first has a mask of the candidates that agree with it, including
-/// itself. Row `i` of the second has the places of candidate `i` and those after it, m north and east of the place that
-/// `i` stated.
+/// Returns, for each candidate, a mask of the candidates that agree with it, including itself. Also returns distances:
+/// row `i` has, for candidate `i` and each after it, its place, m north and east of the place that `i` stated.
 fn compare<const N: usize>(
     inputs: &[Input; N],
     brought: &[Brought; N],

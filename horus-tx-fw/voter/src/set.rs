@@ -12,8 +12,7 @@ const PARTS_PER_METRE: f32 = (1 << 20) as f32;
 const MOST_PARTS: u32 = (1 << 26) - 1;
 const SUM_BITS: u32 = 29;
 
-/// The weight that each member adds to a set. The number of a receiver adds less than 2^8 to it, and lower numbers add
-/// more.
+/// The weight that each member adds to a set. A lower receiver number adds a little more, always less than 2^8.
 const MEMBER: u32 = 1 << 16;
 const KEPT: u32 = 1 << 8;
 

@@ -94,7 +94,7 @@ fn compare<const N: usize>(ticks: &[(Vec<Report>, u32)]) -> Result<(), TestCaseE
     for (report, later) in ticks {
         let inputs: [Input; N] = std::array::from_fn(|i| report[i].input());
         let (verdict, opinion) = (voter.vote(&inputs, now), oracle.vote(&report[..N], now));
-        // A vote whose outcome depends on rounding cannot be compared, and neither can the votes after it.
+        // If rounding decides a vote, neither it nor the votes after it can be compared.
         if opinion.narrow {
             return Ok(());
         }

@@ -297,7 +297,7 @@ fn ties_go_to_the_last_pair_then_accuracy_then_lower_numbers() {
     let verdict = voter.vote(&row([901, 1_000, 900]), 10);
     assert_eq!((verdict.members, verdict.excluded), (0b011, 0));
 
-    // Receiver 1 was silent in the last vote, so that result had the members 2 and 3.
+    // The first vote has the members 2 and 3, because receiver 1 was silent in it.
     let mut voter = Voter::new();
     let mut silent = row([900, 1_000, 901]);
     silent[0].valid = false;

@@ -146,7 +146,7 @@ pub(crate) const fn mode(config: u32) -> SpiMode {
 struct Transfer {
     tx: Buffer,
     rx: Buffer,
-    /// The byte that is being exchanged. The next field is the PCLK16M tick at which it begins.
+    /// The byte that is being exchanged. `ends` is the PCLK16M tick at which it begins.
     byte: u8,
     ends: u64,
     stopping: bool,
@@ -162,8 +162,8 @@ struct Transaction {
     /// The cycle at which CSN fell for the present transaction.
     since: Cycle,
     last: Option<Cycle>,
-    /// The last byte that the target received. The next field is the last byte that it sent. Both matter for a
-    /// controller in another SPI mode.
+    /// The last byte that the target received. `said` is the last byte that it sent. Both matter for a controller in
+    /// another SPI mode.
     heard: u8,
     said: u8,
 }

@@ -203,7 +203,7 @@ impl Client {
     ///
     /// # Errors
     ///
-    /// [`Rejection::Length`] if `mosi` is shorter than that number; nothing is changed then.
+    /// [`Rejection::Length`] if `mosi` is shorter than the transaction; nothing is changed then.
     pub fn begin(&mut self, mosi: &mut [u8]) -> Result<usize, Rejection> {
         let asked = self.asked.or(self.sent);
         let object = self.object;
