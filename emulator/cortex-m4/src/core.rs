@@ -348,7 +348,7 @@ impl<C: Cost> Core<C> {
 
     /// Makes the core hang until it is reset: from the next instruction boundary on it executes nothing, takes no
     /// exception (not even NMI) and does not wake. Its timers count on, and interrupts become pending. A debugger may
-    /// halt and reset the core. A debugger's step ends at the instruction at which it began.
+    /// halt and reset the core. If it steps a core that hangs, the program counter does not move.
     pub fn hang(&mut self) {
         self.hung = true;
     }

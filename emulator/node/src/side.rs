@@ -276,7 +276,7 @@ impl<B: Board> Bus for Side<B> {
     fn advance(&mut self, cycle: Cycle) {
         loop {
             let (part, board) = (self.part.due(), self.board_due);
-            // The last instruction of the core may have ended after the horizon.
+            // The core's last instruction may have ended after the cycle `horizon`.
             if part.min(board) > cycle.min(self.horizon) {
                 return;
             }

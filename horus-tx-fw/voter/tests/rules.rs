@@ -479,7 +479,7 @@ fn attitude_needs_a_quorum_of_members_that_have_one() {
             assert_eq!(has(&report), count >= least, "{count} of {receivers}");
         }
     }
-    // In each case one receiver's attitude does not count: it is no member, a value is not finite, or it has none.
+    // An attitude does not count if its receiver is no member, or if a value is beyond 400 rad or not finite.
     assert!(!has(&[GOOD, with([1.0; 3]), with([1.0; 3]).moved(200.0, 0.0)]));
     assert!(!has(&[with([f32::NAN, 0.0, 0.0]), with([0.0; 3]), GOOD]));
     assert!(!has(&[with([0.0, f32::INFINITY, 0.0]), with([0.0; 3]), GOOD]));
@@ -616,7 +616,7 @@ impl Flight {
         self.tick(report).position.is_some()
     }
 
-    /// Returns for how many ms no position is shown after a jump of all receivers to this report.
+    /// Makes all receivers jump to this report. Returns for how many ms no position is shown after that.
     fn withheld(&mut self, report: Report) -> u32 {
         (0..).find(|_| self.is_shown(report)).expect("some time it is") * 10
     }

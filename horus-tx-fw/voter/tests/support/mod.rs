@@ -200,7 +200,8 @@ struct Level {
 }
 
 trait Moves: Copy {
-    /// Returns the distance from this value to `next`, and how far apart two receivers that agree may be, m.
+    /// Returns the distance from this value to `next`, m, and the largest distance at which the two receivers still
+    /// agree, m.
     fn way(&self, next: &Self) -> (f64, f64);
 }
 
