@@ -135,7 +135,7 @@ impl Soc {
                 _ => instance.read(offset, *now, clocks),
             }
         });
-        // Of the registers that are left, only the legacy UART's RXD changes when it is read.
+        // Among the registers that are left, only the legacy UART's RXD changes when it is read.
         if real && matches!((id, offset), (0x02 | 0x28, 0x518)) {
             call!(self, id, instance, cx => instance.was_read(offset, cx));
             self.carry(outside);
