@@ -8,7 +8,6 @@ use crate::cycles::{Bounds, Cycles};
 /// The number of receivers in the profile of the suites.
 pub const RECEIVERS: usize = 3;
 
-/// The input for the check values in the catalogue of CRCs.
 const CHECK: &[u8] = b"123456789";
 
 /// Asserts that both CRCs give their check values (docs/design.md#crc: 0x12D3A0B1 and 0xEA8707AB).

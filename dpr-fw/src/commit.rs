@@ -16,10 +16,10 @@
 //! - While no frames come, each deadline publishes an image without objects, so that the last objects do not stay
 //!   readable.
 //!
-//! The deadline is an instant on the DPR's µs counter, counted from the end of the last frame. The task that a frame
-//! starts and the task that the timer starts do the same: they take in the frames that wait, call
-//! [`Commit::check_deadline`], and set the timer to [`Commit::deadline_us`]. A deadline that passed before a frame
-//! ended is handled before that frame, so the images do not depend on the order of the two tasks.
+//! The deadline is an instant on the DPR's µs counter, counted from the end of the last frame. Two tasks do the same,
+//! one started by a frame and one by the timer: they take in the frames that wait, call [`Commit::check_deadline`], and
+//! set the timer to [`Commit::deadline_us`]. A deadline that passed before a frame ended is handled before that frame,
+//! so the images do not depend on the order of the two tasks.
 //!
 
 use core::hint::black_box;
@@ -177,7 +177,8 @@ impl<const N: usize> Commit<N> {
         self.lapse(now_us, health, images)
     }
 
-    /// Copies Port-Status and the uplinks into the image. A call while a frame arrives saves work at the frame's end.
+    /// Copies Port-Status and the uplinks into the image being filled. A call while a frame arrives leaves less work
+    /// for the frame's end.
     pub fn prepare(&mut self, images: &mut impl Images) {
         if !self.port_placed {
             images.place_port::<N>();
@@ -213,7 +214,6 @@ impl<const N: usize> Commit<N> {
         &self.link
     }
 
-    /// Publishes an image if a deadline has passed by `until_us`, and returns whether one has.
     fn lapse(&mut self, until_us: u32, health: &Health, images: &mut impl Images) -> bool {
         let Some(lapse) = self.monitor.lapse(until_us) else { return false };
         self.link.missed(lapse.missed);

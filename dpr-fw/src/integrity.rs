@@ -354,8 +354,7 @@ impl Judge {
             }
         }
         self.end_self_test(integrity);
-        // If a slice has several findings, the consequence of the last one here is returned, so the most severe ones
-        // come last.
+        // If a slice has several findings, the one that is evaluated last counts. So the most severe ones come last.
         if let Some(address) = slice.code {
             consequence = Consequence::Stop(Cause::CodeInRam, address);
         }

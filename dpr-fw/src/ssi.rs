@@ -131,9 +131,9 @@ impl Budget {
     }
 }
 
-/// Decides when the SSI task is called only to check in: if no transaction has called it for a cycle. During a
-/// transaction it is not called, since that might delay the transaction's end, but only for [`SignOfLife::MOST`]
-/// cycles: a flight controller that never deselects the DPR must not make the watchdog reset it.
+/// Decides when the SSI task is called only to check in: if no transaction has called it for a cycle. A transaction in
+/// progress postpones the call, which might delay the transaction's end. It does so for at most [`SignOfLife::MOST`]
+/// cycles, because a flight controller that never deselects the DPR must not make the watchdog bite.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SignOfLife {
     transactions: u32,

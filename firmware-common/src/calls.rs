@@ -92,10 +92,9 @@ mod tests {
         assert!(!calls.take(Two::Scrub, || false));
     }
 
-    /// A task that is called at any instant of its beginning finds a mark in each of its runs.
     #[test]
     fn a_call_while_the_task_begins_marks_its_next_run() {
-        // The call comes before the mark is read, or between that and the look at the interrupt.
+        // The task is called again before it has read its mark, or between that and its query of the pending interrupt.
         let calls = Calls::new();
         calls.make(Two::Port);
         calls.make(Two::Port);

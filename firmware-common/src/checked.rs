@@ -2,14 +2,14 @@
 //!
 //! # Design
 //!
-//! What a task keeps in RAM has no CRC until it is sent. The test of the RAM ([`patrol`](crate::patrol)) does not find
-//! a bit that flips once, since it inverts what it finds and the next write takes the flip away. [`Checked`] has a
-//! check word over the memory of such a state. The word is computed anew after each change, and compared before each
-//! change and wherever the owner asks.
+//! A state that a task keeps in RAM has no CRC until it is sent. The [test of the RAM](crate::patrol) finds bits that
+//! are stuck, but not a bit that flips once. So [`Checked`] keeps a check word over the memory of such a state. The
+//! word is computed anew after each change, and compared before each change and wherever the owner asks.
 //!
-//! **Check word.** Each word of memory is added to the sum, rotated by one bit. Any change of one word alone, and so
-//! any flipped bit, changes the sum. Changes of several words at once are missed in one case of 2^32 on average, since
-//! the sum has no bound on the distance that a CRC has; in return a word costs about 4 cycles and not 20.
+//! **Check word.** The check word is a sum: each word of memory is added to the sum so far, which is rotated by one
+//! bit. Any change of a single word, and so any flipped bit, changes the sum. Changes of several words at once are
+//! missed in one case of 2^32 on average. A CRC would detect more of them, but costs about 20 cycles a word instead of
+//! 4.
 //!
 //! **Memory, not fields.** The sum covers the bytes of the state as they lie in memory, with the gaps between fields.
 //! So it needs no code for each field, and covers private fields of other crates. A move may change the gaps: a state
@@ -22,7 +22,7 @@
 #[repr(C)]
 pub struct Checked<T> {
     state: T,
-    /// The sum and its complement. Both are 0 until the first change, which no flipped bit makes of a sum.
+    /// The check word and its complement. Both are 0 before the first change; a flipped bit cannot produce such a pair.
     check: [u32; 2],
 }
 

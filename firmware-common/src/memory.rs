@@ -65,8 +65,9 @@ pub(crate) fn sum(range: Range<u32>) -> u32 {
 
 /// Returns the word at `address` of flash, even if the memory protection unit denies access to it.
 ///
-/// The load is made under FAULTMASK, where the unit does not apply (MPU_CTRL.HFNMIENA = 0, ARMv7-M ARM B3.5.5) and only
-/// NMI can interrupt. The barrier makes sure that the load is made at the raised priority (B5.2.1).
+/// The load is made under FAULTMASK, where the memory protection unit does not apply (MPU_CTRL.HFNMIENA = 0, ARMv7-M
+/// ARM B3.5.5) and only NMI can interrupt. The barrier makes sure that the load is made at the raised priority
+/// (B5.2.1).
 #[must_use]
 pub fn load_shut(address: u32) -> u32 {
     let word: u32;

@@ -62,7 +62,6 @@ pub trait FrontEndPort: executor::Port {
     fn answer(&self, len: usize) -> &[u8];
 }
 
-/// The event for which the link's state machine waits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Turn {
     /// A transfer or a delay has to end, which the executor handles.
@@ -152,21 +151,19 @@ impl<'a, P: FrontEndPort> Link<'a, P> {
         self.executor.port()
     }
 
-    /// Makes the state machine take a step, and handles the events that follow.
     fn go_on(&mut self, take: impl FnOnce(&mut Exchange) -> Step<ExchangeEvent>) {
         self.turn = Turn::Executor;
         let event = self.executor.go_on(take);
         self.serve(event);
     }
 
-    /// Prepares the chip for the next frame. If the state machine refuses, it is given a failure, from which it
-    /// recovers.
+    /// Prepares the chip for the next frame. A state machine that refuses the frame gets the input of a failed
+    /// transfer, from which it recovers.
     fn prepare(&mut self) -> Option<ExchangeEvent> {
         let length = HoldObject::SIZE;
         self.executor.go_on(|exchange| exchange.prepare(length).unwrap_or_else(|_| exchange.step(Input::Failed)))
     }
 
-    /// Handles an event and all events that follow from it, until the state machine waits for something.
     fn serve(&mut self, mut event: Option<ExchangeEvent>) {
         while let Some(happened) = event {
             self.turn = Turn::Executor;

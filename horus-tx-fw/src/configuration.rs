@@ -387,7 +387,7 @@ mod tests {
 
     const NOW: u32 = u32::MAX - 1_000;
 
-    /// HORUS's configuration and a receiver that answers it, in steps of 10 ms across the clock's wrap.
+    /// A receiver and the code that configures it, in steps of 10 ms around the wrap of HORUS's clock.
     struct Talk {
         configuration: Configuration,
         now: u32,
@@ -535,7 +535,6 @@ mod tests {
         talk.pass(SILENT_MS + 20, false);
         assert_eq!((talk.sent.len(), talk.configuration.standing()), (5, Standing::NotYet));
 
-        // The receiver answers the basic message, but never the message of the dynamic model.
         let mut talk = Talk::new(Interface::Ddc);
         talk.step(false, None);
         talk.step(false, Some(Answer::Taken));
@@ -641,7 +640,6 @@ mod tests {
         assert!(configuration.poll(at.wrapping_add(1), 0, None).is_none());
         let basic = configuration.poll(at.wrapping_add(2), 1, Some(Answer::Taken)).unwrap();
         assert_eq!(keys(&basic)[0], 0x1074_0001);
-        // The receiver has answered the message of the baud rate, but not yet the basic message.
         assert_eq!(configuration.standing(), Standing::NotYet);
     }
 

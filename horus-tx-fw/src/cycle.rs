@@ -111,7 +111,8 @@ impl<const N: usize> Cycle<N> {
         self.voted = Some((tick, ReportedPosition::seal(&self.reported_values(&self.verdict, now))));
     }
 
-    /// Whether the last vote was for tick `tick`, as that of the cycle before has to be; also if there was no vote yet.
+    /// Whether the last vote was for tick `tick`, or there was no vote yet. The vote before a tick has to be for that
+    /// tick.
     #[must_use]
     pub fn has_voted_for(&self, tick: u32) -> bool {
         self.voted.is_none_or(|(of, _)| of == tick)

@@ -24,8 +24,8 @@
 //!
 //! The number of unexpected events is bounded too. BTF, for example, stays set until the repeated START after it is on
 //! the bus (RM0090, "I2C", status register 1), and calls the handler again until then. After [`MOST_SPURIOUS`] calls
-//! without progress, or [`MOST_BUS_ERRORS`] bus errors since the tick, events and errors call no handler until the next
-//! tick, so that a disturbed bus does not take the processor's time.
+//! without progress, or [`MOST_BUS_ERRORS`] bus errors since the tick, no event or error calls the handler until the
+//! next tick. So a disturbed bus does not take the processor's time.
 //!
 //! # Sources
 //!
@@ -233,8 +233,8 @@ impl Ddc {
         Ok(())
     }
 
-    /// Returns the number of bytes of the stream that are being read, unless they are to be dropped ([`Backlog`]). Even
-    /// of a failed transaction the bytes that have come count, since the receiver does not send them again.
+    /// Returns the number of bytes of the stream that are being read, unless they are to be dropped ([`Backlog`]). The
+    /// bytes of a failed transaction count too, because the receiver does not send them again.
     #[must_use]
     pub const fn stream_under_way(&self) -> Option<usize> {
         match self.state {

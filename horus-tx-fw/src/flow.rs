@@ -123,7 +123,7 @@ impl flow::Step for Step {
 }
 
 impl Task {
-    /// Whether the task is a step of the cycle, so that a run of it that nothing has called for stops HORUS.
+    /// Whether the task is a step of the cycle, so that HORUS stops if the task runs out of turn.
     #[must_use]
     pub const fn is_step(self) -> bool {
         matches!(self, Self::slot | Self::rf_slot | Self::cycle | Self::vote | Self::gnss_tick)

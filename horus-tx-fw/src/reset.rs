@@ -57,7 +57,6 @@ mod tests {
     // Shows STA-4.
     #[test]
     fn each_reset_reason_follows_from_its_combination_of_flags() {
-        // The manual says that every reset from inside the part also sets the pin's flag.
         assert_eq!(reason(0x0E00_0000), ResetReason::PowerOn, "supply on: POR, pin, BOR");
         assert_eq!(reason(0x0600_0000), ResetReason::BrownOutOrOther, "supply dipped: pin, BOR");
         assert_eq!(reason(0x2400_0000), ResetReason::Watchdog, "independent watchdog");

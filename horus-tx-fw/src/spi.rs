@@ -159,8 +159,9 @@ impl Polling {
 
     /// Takes the result of examining a transfer's bytes. `brought` says that some of them were the receiver's.
     /// `is_empty` says that the transfer ended with filler, so the receiver has no more ([`Filter::has_nothing_more`]).
-    /// After a pause a transfer of filler alone proves nothing, since a line that is stuck high reads the same. It
-    /// counts only if the transfer before it brought bytes, since a message may end with its transfer.
+    /// After a pause a transfer of filler alone does not show an empty receiver, because a line that is stuck high
+    /// reads the same. It does so only after a transfer that brought bytes, because a message may end with its
+    /// transfer.
     pub fn read(&mut self, brought: bool, is_empty: bool) {
         let brought_before = core::mem::replace(&mut self.brought, brought);
         self.backlog.read(is_empty && (brought || brought_before || !self.backlog.is_old()));
@@ -349,7 +350,6 @@ mod tests {
             assert!(filter.keeps(byte) && !filter.has_nothing_more(), "{byte:#04x}");
         }
         assert_eq!(ends(&mut filter, 6), [more, more, more, no_more, no_more, no_more]);
-        // The last bytes of a message are not filler, even if they are 0xFF.
         for byte in [0xB5, 0x62, 0x01, 0x07, 3, 0, FILLER, FILLER, FILLER, FILLER, FILLER] {
             assert!(filter.keeps(byte) && !filter.has_nothing_more());
         }
@@ -368,7 +368,6 @@ mod tests {
             assert!([0xB5, 0x62, 0x01, 0x07, low, high].into_iter().all(|byte| filter.keeps(byte)));
             filter.keeps(FILLER)
         };
-        // In a message, sync, class, identifier and length are six bytes, and the checksum is two.
         assert!(is_followed(0) && is_followed(248));
         assert!(!is_followed(249) && !is_followed(0x0107) && !is_followed(u16::MAX));
     }

@@ -87,7 +87,6 @@ pub const fn payload(frame: usize) -> usize {
 /// Returns the air time of frame `frame`, µs, rounded up.
 #[must_use]
 pub const fn air_us(frame: usize) -> u32 {
-    // The payload's length fits a byte, because it is at most `profile::air::LONGEST_PAYLOAD`.
     air::air_time_ns(payload(frame) as u8).div_ceil(1_000) as u32
 }
 
@@ -145,8 +144,8 @@ pub const SLOT_TICKS: [u32; FRAMES] = {
     ticks
 };
 
-/// The time after the tick, µs, from which only the end of the cycle's last frame is due, which is whole in the FIFO. A
-/// log message may then mask interrupts for a few µs without moving a slot.
+/// The time after the tick, µs, from which the FIFO has the whole last frame of the cycle. Until the frame's end a log
+/// message may then mask interrupts for a few µs without moving a slot.
 pub const QUIET_FROM_US: u32 = SLOT_US[FRAMES - 1] + REST_STARTS_US + load_us(payload(FRAMES - 1) - HEAD) + 20;
 /// The time after the tick until which a log message may begin, µs. A message that begins by then ends long before the
 /// next tick.
@@ -161,8 +160,8 @@ const WATCHDOG_COUNTS: u32 = WATCHDOG_MS * 32 / 4;
 /// The value of the watchdog's reload register. The watchdog resets one count after it has reached 0 (RM0090 21.3).
 pub const WATCHDOG_RELOAD: u32 = WATCHDOG_COUNTS - 1;
 
-/// The watchdog's time from the reset until it is first fed, ms at the nominal 32 kHz. The watchdog counts from the
-/// reset value of its reload register then (RM0090 21.3.1). With LSI at 17 to 47 kHz this time is 348 to 964 ms.
+/// The time from the reset until the watchdog is first fed, ms at the nominal 32 kHz. Until then, the watchdog counts
+/// from the reset value of its reload register (RM0090 21.3.1). With LSI at 17 to 47 kHz this time is 348 to 964 ms.
 pub const FIRST_WATCHDOG_MS: u32 = 4_096 * 4 / 32;
 
 /// The watchdog's shortest time, ms: it is 68 to 190 ms, since LSI runs at 17 to 47 kHz (DS9405).

@@ -228,7 +228,7 @@ fn a_receiver_that_is_not_due_may_be_left_alone_without_bytes() {
 
 #[test]
 fn a_false_start_hides_a_message_only_until_the_line_is_silent() {
-    // The false start is the header of a message of 200 bytes. A whole message follows it at once.
+    // The header of a message of 200 bytes is followed at once by a whole message.
     let mut receiver = Receiver::new();
     feed(&mut receiver, &[&[0xB5, 0x62, 0x01, 0x07, 200, 0], NavPvt::GOOD.bytes().as_slice()].concat(), 1_000);
     assert!(!receiver.solution().position.valid);
@@ -427,7 +427,6 @@ fn the_lag_is_the_arrival_less_the_time_of_week() {
         (0, week - 200, 200),
         (160, week - 100, 260),
         (300, 0, 300),
-        // A message that repeats a time of week does not renew the solution.
         (900, 0, 300),
         (week + 1_050, 1_000, 50),
         // These times of week lie beyond the end of the week. No receiver sends them.

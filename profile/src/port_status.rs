@@ -168,7 +168,7 @@ pub struct PortValues {
     pub status: PortStatusBits,
     /// Uplinks that were stored since the DPR's start or since the counters were cleared.
     pub uplinks_accepted: u32,
-    /// Commands carried out since the DPR's start, or since the counters were cleared, with the clearing command.
+    /// Commands carried out since the DPR's start, or since a command cleared the counters. That command is included.
     pub commands_carried_out: u32,
     /// The timestamp of the last command that was carried out, ms on the flight controller's clock; 0 if none was.
     pub last_command_timestamp: u32,

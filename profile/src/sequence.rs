@@ -64,7 +64,7 @@ pub const TOLERANCE_US: u32 = 2_500;
 /// %.
 pub const TOLERANCE_SHARE: u32 = 50;
 
-/// The tolerance for the 10 ms between two cycles during a search, µs, in both directions.
+/// The tolerance, µs in both directions, for the 10 ms between two cycles during a search.
 pub const SEARCH_TOLERANCE_US: u32 = 500;
 
 /// The number of cycles in a row that must each advance by exactly one cycle before cycles are shown.

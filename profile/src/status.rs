@@ -263,7 +263,7 @@ impl GpsStatus {
         const OLDEST_MS: u32 = 62 * STEP_MS;
         let steps: u32 = match age_ms {
             None => 63,
-            // The minimum has no branch, so that the time for filling a profile does not depend on an age.
+            // `min` has no branch, so that the time for filling a profile does not depend on a solution's age.
             Some(age_ms) => (if age_ms < OLDEST_MS { age_ms } else { OLDEST_MS }) / STEP_MS,
         };
         let [steps, ..] = steps.to_le_bytes();

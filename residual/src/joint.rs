@@ -90,7 +90,6 @@ impl Joint {
             (0..nesting.outer_bits).filter(|place| !inside.contains(place)).map(|place| place as u16).collect();
         let outside = Outside::new(&columns, outside);
         let mut examined = Vec::new();
-        // Inner codewords of a weight are searched for when that weight is first needed.
         let mut inner_words: Vec<Words> = Vec::new();
         for total in 1.. {
             if nesting.outer.is_even() && total % 2 == 1 {
@@ -100,8 +99,8 @@ impl Joint {
             let mut complete = true;
             for weight in 1..=total {
                 if weight > MAX_WEIGHT || total - weight > MAX_OUTSIDE {
-                    // These numbers of errors inside and outside are too large for the search. They are excluded only
-                    // if no inner codeword has that weight.
+                    // The search cannot reach this many errors inside or outside. They are excluded only if no inner
+                    // codeword has this weight.
                     complete &= weight <= MAX_WEIGHT
                         && words_of(&mut inner_words, nesting, weight, threads).starting_at_0().is_empty();
                     continue;
@@ -130,7 +129,7 @@ impl Joint {
             }
             if !words.is_empty() {
                 words.sort_unstable();
-                // No smaller total weight is possible, because the search would have ended with it.
+                // This is the smallest total weight, because the search goes from small to large.
                 return Self { distance: Some(total), at_least: total, examined, words };
             }
             if !complete {

@@ -341,7 +341,7 @@ pub enum Expected {
 }
 
 impl Check {
-    /// Whether the outcome is the required one.
+    /// Whether the injection had the required outcome.
     #[must_use]
     pub const fn holds(&self) -> bool {
         let passed = self.injected.accepted + self.injected.identifier;

@@ -307,7 +307,6 @@ impl Answerer {
         let (state, step) = match sending {
             Sending::Transfer(state, transfer) => (AnswererState::Sending(state), Step::Transfer(transfer)),
             Sending::Wait(state, us) => (AnswererState::Sending(state), Step::Wait { us }),
-            // The payload is ready when `answer` is called, so its first bytes are loaded at once.
             Sending::Prepared => {
                 let sending = self.sender.head();
                 return self.sending(sending);

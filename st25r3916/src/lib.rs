@@ -9,7 +9,7 @@
 //!
 //! # Simple use
 //!
-//! On `embedded-hal` traits, one call at a time ([`blocking`]):
+//! The module [`blocking`] runs a machine on `embedded-hal` traits, one call at a time:
 //!
 //! ```no_run
 //! # use embedded_hal::{delay::DelayNs, digital::InputPin, spi::SpiDevice};
@@ -347,7 +347,6 @@ mod tests {
 
     #[test]
     fn air_times_are_those_of_the_bit_rate() {
-        // The exact air times are 4.814159 ms and 5.002950 ms.
         assert_eq!((air_time_us(244), air_time_us(254)), (4_815, 5_003));
         for payload in 0..=255_u8 {
             let carrier_periods = (48 + 16 + 8 * (1 + u64::from(payload) + 2)) * 32;

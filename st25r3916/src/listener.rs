@@ -58,9 +58,9 @@
 //! away. One case cannot be detected: a sync in the few µs between the status read and the clear. If the clear also
 //! discards the interrupt (the data sheet contradicts itself), that frame is recognised only by its I_rxe.
 //!
-//! The clear may discard I_eon and I_eof as well. So the field detector's output is read after a bring-up, and
-//! [`ListenerConfig::supervision_us`] after the last interrupt, and reported if it has changed. ST's RFAL reads the
-//! same bit before it relies on these interrupts.
+//! Clearing the FIFO may also discard the field detector's interrupts, I_eon and I_eof. So the machine reads the field
+//! detector's output after a bring-up, and [`ListenerConfig::supervision_us`] after the last interrupt, and reports a
+//! change. ST's RFAL reads the same bit before it relies on these interrupts.
 //!
 //! # Recovery
 //!
@@ -94,7 +94,7 @@ use crate::{FRAME_US, Variant};
 
 /// The number of bytes that are still to come when the second read of [`ReadMode::WhileFilling`] begins. The third read
 /// begins 24 bytes later, 453 µs on air. The second read, at most 227 bytes, takes 237 µs at 8 MHz with its status. The
-/// executor has the rest of that time to verify the received bytes.
+/// rest of the 453 µs is the executor's, to verify the received bytes.
 pub const BODY: usize = 30;
 /// The number of bytes, the CRC-16 included, that are still to come when the third read of [`ReadMode::WhileFilling`]
 /// begins. They arrive within 113 µs, and the third read, at most 28 bytes, takes 38 µs at 8 MHz with its status. The
@@ -107,8 +107,9 @@ const HEAD: u16 = 16;
 /// The number of bytes that an early read leaves in the FIFO. The chip still fills the FIFO then, and it must not run
 /// dry.
 const MARGIN: u16 = 1;
-/// A read of this many bytes lasts so long, even at 10 MHz, that another byte arrives meanwhile. If LEN announces more
-/// bytes, a third read of so many bytes leaves no [`MARGIN`] in the FIFO, since little time is left afterwards.
+/// A FIFO read of this many bytes takes so long, even at 10 MHz, that another byte arrives meanwhile. A third read of
+/// this many bytes leaves no [`MARGIN`] in the FIFO if LEN announces more bytes, because little time is left
+/// afterwards.
 const REFILLED: u16 = 24;
 const _: () =
     assert!((1 + REFILLED as u32) * 800 > 18_879, "ns of the command and the bytes at 10 MHz, and of one on air");
@@ -121,7 +122,7 @@ pub const SILENCE_US: u32 = 500_000;
 /// row.
 pub const SILENCE_LONGEST_US: u32 = SILENCE_US << SILENCE_DOUBLINGS;
 const SILENCE_DOUBLINGS: u8 = 4;
-/// The time, µs, that each wait for a frame and each frame within another adds to the time of silence. So a deaf
+/// The time, µs, that counts as silence for each wait without a frame, and for each frame within another. So a deaf
 /// listener detects its silence even if interrupts without a frame keep coming.
 const DISTURBED_US: u32 = 1_000;
 /// The length of the shortest frame, bytes: LEN, one byte of payload, CRC-16.
@@ -219,7 +220,7 @@ impl FrameFlags {
         self.0 & other.0 != 0
     }
 
-    /// The flags that are set in this set, in `other`, or in both.
+    /// The flags that are in at least one of both sets.
     #[must_use]
     pub const fn union(self, other: Self) -> Self {
         Self(self.0 | other.0)
@@ -803,7 +804,6 @@ impl Frame {
         }
     }
 
-    /// Adds the flags of a status that was read during this frame.
     pub(crate) fn note(&mut self, status: Status) {
         let flag = |set: bool, flag: FrameFlags| if set { flag } else { FrameFlags::empty() };
         let ended = status.is_set(reg::IRQ_RXE);
@@ -865,9 +865,9 @@ impl Frame {
         };
     }
 
-    /// The time of the next wait, µs. If a further early read follows, the wait ends when that read's bytes should have
-    /// arrived: it is counted from the bytes at the last read, less that read's duration. Otherwise it ends when the
-    /// longest frame would have ended.
+    /// Returns the time of the next wait, µs. The wait ends when the bytes of the next early read should have arrived,
+    /// counted from the last read and less its duration. Without a further early read it ends when the longest frame
+    /// would have ended.
     fn next_wait_us(&mut self) -> u16 {
         let left_us = (FRAME_US as u16).saturating_sub(self.waited_us).max(1);
         loop {

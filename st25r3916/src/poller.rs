@@ -56,10 +56,10 @@
 //! receiver off. So the driver does not depend on I_txe: if I_txe has not come in time and the FIFO is empty, the chip
 //! has sent the frame, and [`PollerEvent::Sent`] reports it as unconfirmed.
 //!
-//! The FIFO cannot run dry if the executor begins to load the rest within [`rest_within_us`] of the transmit command.
-//! If the chip reports it all the same, the frame is lost ([`Fault::FifoFlow`]), and the next frame is sent. The number
-//! of loaded bytes is not checked before the frame is sent: with a byte too few the FIFO runs dry, and a byte too many
-//! is left over ([`Fault::FifoCount`]).
+//! The FIFO cannot run dry if the executor begins to load the frame's remaining bytes within [`rest_within_us`] of the
+//! transmit command. If the chip reports it all the same, the frame is lost ([`Fault::FifoFlow`]), and the next frame
+//! is sent. The number of loaded bytes is not checked before the frame is sent: with a byte too few the FIFO runs dry,
+//! and a byte too many is left over ([`Fault::FifoCount`]).
 //!
 //! # Recovery
 //!
@@ -293,7 +293,6 @@ impl Poller {
             return self.sending(sending);
         }
         match (self.state, input) {
-            // The first arms of the match handle the states in which the last step was an event.
             (PollerState::New, _) => self.begin_bring_up(),
             (PollerState::FrameLost, _) => self.short(PollerState::Stopping, command::STOP),
             (PollerState::Ready | PollerState::Sent, _) | (PollerState::Sending(SendState::Loaded), Input::Start) => {

@@ -1,7 +1,7 @@
 //! The sending of one frame, from its preparation to its last bit, as a part of a larger state machine.
 //!
-//! A poller and an answerer both use these steps, which [`crate::poller`] describes. The machine around them determines
-//! when a frame is prepared, and how a failure is recovered from.
+//! Poller and answerer send a frame in the same steps, which [`crate::poller`] describes. The state machine around
+//! these steps decides when a frame is prepared, and how it recovers from a failure.
 
 use crate::bring_up::IDLE_IRQS;
 use crate::machine::{Fault, Input, Short, Transfer};
@@ -56,7 +56,7 @@ pub enum SendError {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Sending {
     Transfer(SendState, Transfer),
-    /// Wait for the IRQ pin, at most this many µs.
+    /// The machine waits for the IRQ pin, at most this many µs.
     Wait(SendState, u32),
     Prepared,
     /// The FIFO holds the first bytes of the payload, and the transmit command is due.

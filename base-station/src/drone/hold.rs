@@ -96,7 +96,7 @@ impl HoldState {
     #[must_use]
     pub fn presence(&self, now_us: u64) -> Presence {
         let Some((_, held)) = &self.last else { return Presence::Never };
-        // A copy of the track gets a transaction that read nothing, so that the last Hold-Status ages until `now_us`.
+        // An empty transaction at `now_us`, on a copy of the track, tells how old the last Hold-Status is by now.
         let shown = self.track.clone().read(&view(&[]), now_us).shown;
         let is_valid = shown == HoldShown::Valid && held.age_us(now_us) <= OLD_US;
         if is_valid { Presence::Valid } else { Presence::Expired }

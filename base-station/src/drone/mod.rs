@@ -390,7 +390,7 @@ impl Drone {
                 let held = Held { values, timestamp, arrived_us, late_us, repeats: 0, crc, implausible };
                 self.gps[receiver] = Some(held);
             }
-            // This cannot occur: a GPS object is found intact only where a message has a GPS object.
+            // This case cannot occur: a GPS object is found intact only where a message has a GPS object.
             (Object::Gps(_), None) => {}
         }
         Verdict::New

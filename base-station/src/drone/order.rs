@@ -20,18 +20,19 @@
 
 use profile::{Freshness, freshness};
 
-/// How much earlier than the shortest delay allows a sender's first timestamps may come, µs: the differences of delay
-/// in one carrier.
+/// The time, µs, by which a sender's first timestamps may come earlier than the shortest delay allows: the differences
+/// of delay in one carrier.
 pub const SLACK_US: u64 = 2_000_000;
 
-/// How much earlier than the shortest delay allows later timestamps may come, after the first [`SEARCH_CYCLES`], µs.
+/// The time, µs, by which later timestamps, after the first [`SEARCH_CYCLES`], may come earlier than the shortest delay
+/// allows.
 pub const AHEAD_US: u64 = 1_000_000;
 
 /// The longest time for which a carrier holds a message back while it delivers others, µs.
 pub const LATE_US: u64 = 10_000_000;
 
-/// The time, µs, by which a restarted sender's timestamp may exceed the time since the earlier sender's newest message.
-/// That message may have been on its way for so long.
+/// The time, µs, by which a restarted sender's timestamp may exceed the time since the earlier sender's newest message,
+/// because that message may have been on its way for that long.
 pub const RESTART_SLACK_US: u64 = 500_000;
 
 /// The number of timestamps in a row, each newer than the last, after which a restart or another sender is accepted.
@@ -49,8 +50,7 @@ const SEARCHES: usize = 4;
 pub enum Step {
     /// The timestamp is newer than all earlier ones.
     Newest {
-        /// The number of cycles between this timestamp and the one that was the newest before it, whose objects did not
-        /// arrive.
+        /// The number of cycles that did not arrive between this timestamp and the newest one before it.
         missed: u32,
     },
     /// The timestamp equals the newest one.

@@ -55,7 +55,7 @@ const COMMANDS: &str = "/hold-commands";
 
 /// Makes the parts of a recording.
 pub trait Parts {
-    /// The type to which a part's data are written.
+    /// A writer to which a part's data go, such as a file.
     type Part: Write;
 
     /// Makes the part of this number, from 0, without overwriting an existing one.

@@ -2,8 +2,8 @@
 
 /// The calls and SPI bytes that the second port has used in the present window of [`Budget::WINDOW_US`].
 ///
-/// On the bench, a window takes 60 calls and 500 bytes while the hold keeps to its period. A window in which the chip
-/// is brought up takes 101 calls.
+/// On the bench, the second port takes 60 calls and 500 SPI bytes in a window while the hold keeps to its period, and
+/// 101 calls in a window with a bring-up of its chip.
 #[derive(Clone, Copy, Debug)]
 pub struct Budget {
     window_us: u32,
@@ -17,12 +17,12 @@ pub struct Budget {
 pub enum Turn {
     /// The second port may work as usual.
     Work,
-    /// The second port may work as usual, and this is the first call of a window.
+    /// The second port may work, and this is the first call of a window.
     Begin {
         /// Whether the second port was resting before this call.
         rested: bool,
     },
-    /// The second port stops working, because this call has found the budget used up.
+    /// The second port stops, because the budget is used up at this call.
     Rest,
     /// The second port does nothing, because the budget is used up and the window is not over.
     Resting,

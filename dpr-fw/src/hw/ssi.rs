@@ -101,8 +101,8 @@ impl Doorbell for SsiDoorbell {
         gpiote.tasks_set[FRESH_CHANNEL].write(|w| unsafe { w.bits(1) });
         // SAFETY: 1 is a valid value of a task register.
         timer.tasks_clear.write(|w| unsafe { w.bits(1) });
-        // The counter was just cleared and the next compare is 25 ms away, so an event that is set now belongs to the
-        // time before.
+        // The expiry timer was just cleared, and its next compare is 25 ms away. So a compare event that is set now is
+        // an old one.
         timer.events_compare[EXPIRY_COMPARES[0]].reset();
     }
 }

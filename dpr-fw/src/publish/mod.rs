@@ -23,9 +23,9 @@
 //! **Every order.** `tests/interleavings` runs these types in every order of both tasks, the scrub, DMA, the flight
 //! controller and the timer (`docs/decisions/0012-exhaustive-interleavings.md`).
 //!
-//! **Bounds.** A pause after each transaction and the number of transactions that are granted ([`ssi`](crate::ssi))
-//! bound how often the SSI task runs. The SSI task waits for the commit task only while that task holds the mailbox,
-//! which takes as long as moving a few pointers.
+//! **Bounds.** The number of transactions that are granted, and the pause after each ([`ssi`](crate::ssi)), bound how
+//! often the SSI task runs. The SSI task waits for the commit task only while the commit task holds the mailbox, which
+//! takes as long as moving a few pointers.
 
 mod mailbox;
 mod server;

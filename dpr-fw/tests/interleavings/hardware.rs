@@ -125,7 +125,6 @@ pub(crate) struct Hardware {
     pub(crate) announced: u8,
     pub(crate) receiving: usize,
     pub(crate) arrived: u8,
-    /// The number of the frame that is arriving or comes next.
     pub(crate) frame: u8,
     left: Left,
 }

@@ -21,8 +21,8 @@
 //! Two halves stand for all words of a buffer. The processor and EasyDMA both access a buffer from its start to its
 //! end, so they meet at a single point, with one half before that point and one after it.
 //!
-//! loom explores threads on the memory model of C11. Here the interrupts of one core, which have priorities and run to
-//! their end, meet hardware without a program; neither is a thread.
+//! loom explores threads on the memory model of C11. These tests have no threads: interrupts of one core, which have
+//! priorities and run to their end, meet hardware that runs no program.
 //!
 //! # What is not shown
 //!

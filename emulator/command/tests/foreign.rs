@@ -124,7 +124,6 @@ fn run(part: &Part, arguments: &[&str]) -> (Option<i32>, String, String) {
     (status.code(), String::from_utf8_lossy(&stdout).into_owned(), String::from_utf8_lossy(&stderr).into_owned())
 }
 
-/// Runs the firmware with the script of this name, which is a file in the project's folder.
 fn scripted(part: &Part, name: &str, script: &str, arguments: &[&str]) -> (Option<i32>, String, String) {
     let name = format!("{name}-{}.script", part.name);
     std::fs::write(folder().join(&name), part.script(script)).unwrap();
@@ -306,7 +305,6 @@ fn a_trace_has_the_pins_and_the_handlers_of_the_run() {
         // it.
         assert!(changes(&part.button.replace('.', "_")).contains("101"), "{}", changes(&part.button.replace('.', "_")));
         assert!(changes(&part.bell.replace('.', "_")).contains("010"), "{}", changes(&part.bell.replace('.', "_")));
-        // The handler of SysTick ran every millisecond.
         assert!(changes("SysTick").matches("10").count() > 20, "{}", changes("SysTick"));
     }
 }

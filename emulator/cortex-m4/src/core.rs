@@ -32,8 +32,7 @@ pub struct Config {
 /// The reason for which [`Core::run`] returned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Exit {
-    /// The core reached the cycle that the caller set as the end. It may have gone on for at most one instruction or
-    /// one exception entry.
+    /// The core reached the cycle that the caller set as the end, or passed it by one instruction or exception entry.
     Until,
     /// The part called [`crate::Signals::stop`].
     Stopped,
@@ -349,7 +348,7 @@ impl<C: Cost> Core<C> {
 
     /// Makes the core hang until it is reset: from the next instruction boundary on it executes nothing, takes no
     /// exception (not even NMI) and does not wake. Its timers count on, and interrupts become pending. A debugger may
-    /// halt and reset the core. A debugger's step ends at the instruction at which it began.
+    /// halt and reset the core. If it steps a core that hangs, the program counter does not move.
     pub fn hang(&mut self) {
         self.hung = true;
     }

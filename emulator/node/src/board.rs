@@ -91,7 +91,7 @@ impl<P: Part> Board for Bare<P> {
 pub struct View<'a, B> {
     pub(super) board: &'a mut B,
     pub(super) time: &'a Timebase,
-    /// Whether the part has acted on the board since the flag was cleared.
+    /// Whether the part has acted on the board since this flag was cleared.
     pub(super) touched: &'a mut bool,
 }
 

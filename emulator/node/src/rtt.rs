@@ -62,8 +62,8 @@ pub(crate) fn count<P: Part>(part: &P, block: u64) -> Result<u64, RttFault> {
     }
     match memory::value(part, block + UP_COUNT, 4).unwrap_or(0) {
         count @ 1..=MOST_CHANNELS => Ok(count),
-        // No channels yet: start-up code may be copying the control block from flash into RAM, its name before the
-        // number of channels.
+        // The control block has no channels yet: start-up code may be copying it from flash into RAM, its name before
+        // its number of channels.
         0 => Err(RttFault::NotYet),
         count => Err(RttFault::Corrupt(format!("the RTT control block counts {count} up channels"))),
     }
@@ -140,7 +140,7 @@ pub(crate) fn drain<P: Part>(part: &mut P, block: u64, channel: u64) -> Result<D
 /// The severity of a log line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum LogLevel {
-    /// No level, as for `defmt::println!`, plain RTT text or a semihosting console.
+    /// The line has no level, as for `defmt::println!`, plain RTT text or a semihosting console.
     None,
     /// The level of `trace!`.
     Trace,

@@ -365,7 +365,6 @@ impl<P: Part, C: Cost> Running<P, C> {
         edges.for_each(|edge| event(Event::Pin(&edge)));
     }
 
-    /// Sets the end of the run if `finding` means that the firmware has died.
     fn note_end(&mut self, finding: &Finding) {
         if finding.kind.ends_run() {
             self.died = true;
@@ -428,7 +427,6 @@ impl<P: Part, C: Cost> Running<P, C> {
     }
 }
 
-/// The text of the finding about a firmware that only restarts.
 fn restart_loop(resets: &[ResetAt]) -> String {
     let mut causes = BTreeMap::<String, usize>::new();
     for reset in resets {

@@ -83,7 +83,6 @@ impl<B: Board> Side<B> {
         answer
     }
 
-    /// Lets the board react, and takes over the part's changes.
     #[inline]
     pub(super) fn after(&mut self, at: Cycle) {
         if self.touched {
@@ -182,7 +181,7 @@ impl<B: Board> Side<B> {
         }
         if clock.hz > 0 {
             let idle = self.idle + self.idle_from.map_or(0, |from| at.saturating_sub(from));
-            // The core's present instruction may end later than this cycle.
+            // The cycle may be in the past, because the core's last instruction may have ended later.
             let cycles = (at - idle).max(self.awake.1);
             self.awake = (self.awake.0 + self.scaled(cycles - self.awake.1), cycles);
             if self.before.len() == CHANGES {
@@ -277,7 +276,7 @@ impl<B: Board> Bus for Side<B> {
     fn advance(&mut self, cycle: Cycle) {
         loop {
             let (part, board) = (self.part.due(), self.board_due);
-            // The last instruction of the core may have ended after the horizon.
+            // The core's last instruction may have ended after the cycle `horizon`.
             if part.min(board) > cycle.min(self.horizon) {
                 return;
             }

@@ -113,7 +113,8 @@ impl<B: Board, C: Cost> Node<B, C> {
     ///
     /// Panics if the core has no interrupt controller.
     pub fn is_ready_for_interrupts(&mut self) -> bool {
-        // VECTPENDING and VECTACTIVE, ARMv7-M ARM B3.2.4. An interrupt that is not enabled counts in neither.
+        // The mask covers ICSR's VECTPENDING and VECTACTIVE (ARMv7-M ARM B3.2.4), in which an interrupt that is not
+        // enabled does not count.
         const HANDLING: u32 = 0x001F_F1FF;
         let icsr = self.access_port_read(ICSR, Width::Word).expect("an interrupt controller");
         self.is_powered() && icsr & HANDLING == 0 && self.core.register(Register::Primask) == 0

@@ -14,7 +14,6 @@ pub(crate) type Id = usize;
 pub(crate) const GPIO: Id = 0x30;
 pub(crate) const COMP: Id = 0x13;
 
-/// An effect of a peripheral beyond its own registers.
 #[derive(Clone, Debug)]
 pub(crate) enum Act {
     /// The event register at this address was set. The event goes to the PPI.

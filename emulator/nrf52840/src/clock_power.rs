@@ -62,7 +62,6 @@ pub(crate) struct ClockPower {
     /// The start-up time of HFXO, in core cycles; `None` if the crystal never starts.
     hfxo_startup: Option<u64>,
     lfxo_startup: u64,
-    /// Whether HFXO was started and not stopped.
     hf_run: bool,
     hf_stable: bool,
     hf_due: Option<u64>,
@@ -166,7 +165,6 @@ impl ClockPower {
         self.hf_stable
     }
 
-    /// Whether the software's half of the access port protection is open.
     pub(crate) fn debug_port_enabled(&self) -> bool {
         self.plain(APPROTECT_DISABLE) == SW_DISABLE && self.plain(APPROTECT_FORCEPROTECT) != 0
     }

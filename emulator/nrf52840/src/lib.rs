@@ -350,7 +350,7 @@ impl Part for Nrf52840 {
             lines: soc::INTERRUPT_LINES,
             priority_bits: 3,
             vector_table: 0,
-            // No reference clock, no calibration value (PS 4.1: SysTick counts the core clock).
+            // SysTick counts the core clock, and has neither a reference clock nor a calibration value (PS 4.1).
             systick_calibration: 1 << 31,
             systick_reference: 0,
             mpu_regions: 8,

@@ -147,7 +147,6 @@ impl Pwm {
         }
     }
 
-    /// Begins the next step of the sequence if one is due, at the start of a period.
     fn advance(&mut self, cx: &mut Cx<'_>) {
         let by_task = self.decoder >> 8 & 1 != 0;
         let Some(play) = &mut self.play else { return };

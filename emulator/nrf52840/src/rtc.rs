@@ -37,7 +37,6 @@ pub(crate) struct Rtc {
 }
 
 impl Rtc {
-    /// Makes an RTC with `compares` compare registers: 3 or 4.
     pub(crate) fn new(compares: usize) -> Self {
         Self {
             block: Block::default(),
@@ -101,7 +100,6 @@ impl Rtc {
         }
     }
 
-    /// Sets the counter to `count` at the present tick.
     fn load(&mut self, count: u32, cx: &Cx<'_>) {
         self.held = count & MASK;
         self.late = 0;
@@ -174,7 +172,7 @@ impl Instance for Rtc {
 
     fn configured(&mut self, cx: &mut Cx<'_>) {
         if cx.clocks.lf.is_some() != self.clocked {
-            // LFCLK has stopped, or has started and counts its ticks from zero.
+            // The counter goes on from its held value, because LFCLK has stopped, or counts its ticks from zero again.
             self.load(self.held, cx);
         }
         self.arm(cx);

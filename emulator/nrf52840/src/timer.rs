@@ -34,7 +34,6 @@ pub(crate) struct Timer {
 }
 
 impl Timer {
-    /// Makes a TIMER with `compares` compare registers: 4 or 6.
     pub(crate) fn new(compares: usize) -> Self {
         Self {
             block: Block::default(),

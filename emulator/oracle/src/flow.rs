@@ -9,7 +9,6 @@ use crate::{
     thumb::{Code, branch_wide},
 };
 
-/// Appends an IT with one to four instructions.
 pub(crate) fn it_block(case: &mut Case, random: &mut Random) {
     let condition = random.below(14);
     let count = 1 + random.below(4);
@@ -35,7 +34,6 @@ fn filler(code: &mut Code, random: &mut Random) {
     }
 }
 
-/// Appends a branch of any form over some instructions, taken or not.
 pub(crate) fn branch(case: &mut Case, address: u32, random: &mut Random) {
     let mut code = Code::at(address);
     if random.once_in(2) {
@@ -157,7 +155,6 @@ pub(crate) fn branch(case: &mut Case, address: u32, random: &mut Random) {
     case.code.extend(code.halves);
 }
 
-/// Appends an instruction that faults, or SVC.
 pub(crate) fn fault(case: &mut Case, random: &mut Random) {
     let mut halves = Vec::new();
     instance(&random.pick(integer::IMMEDIATE), random, &DATA).append(&mut halves);

@@ -254,7 +254,6 @@ impl Pads {
     }
 }
 
-/// A finding of an instance: static words, and an optional number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Note {
     pub(crate) kind: FindingKind,
@@ -353,7 +352,6 @@ pub(crate) trait Peripheral: Clone {
     /// lanes (RM0090 2.1.6).
     fn write(&mut self, offset: u32, width: Width, value: u32, cx: &mut Cx);
 
-    /// Reads as a debugger does, without any change.
     fn peek(&self, offset: u32, cx: &mut Cx) -> u32 {
         let _ = (offset, cx);
         0
@@ -362,7 +360,6 @@ pub(crate) trait Peripheral: Clone {
     /// The cycle at which the instance next acts by itself, or [`NEVER`]. It must be fast.
     fn due(&self) -> Cycle;
 
-    /// Carries out everything that is due at or before `cx.now`, in order.
     fn advance<W: Wires>(&mut self, cx: &mut Cx, wires: &mut W);
 
     /// The levels of the instance's interrupt outputs. USART, SPI, RNG, ADC, TIM2 to TIM7: bit 0. I2C: bit 0 event, bit

@@ -50,7 +50,6 @@ pub(crate) enum Direction {
     MemoryToMemory,
 }
 
-/// A DMA request: the number of the instance, and the mask of its request outputs.
 type Source = (u8, u8);
 
 const fn no() -> Source {
@@ -251,8 +250,8 @@ impl Stream {
             && self.cr & PINC == 0
     }
 
-    /// Whether the next item is neither the last of the present transfer nor the one at its half. In this state a
-    /// stream of [`Stream::moves_bytes`] holds no data if it receives, and one byte if it sends.
+    /// Whether the next item is neither the last of the transfer nor the one at its half. A stream of
+    /// [`Stream::moves_bytes`] then holds no data if it receives, and one byte if it sends.
     #[inline]
     pub(crate) fn is_amid(&self) -> bool {
         self.left > 1

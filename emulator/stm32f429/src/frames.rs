@@ -59,7 +59,7 @@ impl Stm32f429 {
         let streams = &mut self.dma[nth].streams;
         let (first, second) = (streams[receives].priority(), streams[sends].priority());
         let receives_first = first > second || first == second && receives < sends;
-        // If both streams use the same buffer, their order matters.
+        // The order of the streams matters if both use the same buffer.
         for receive in [receives_first, !receives_first] {
             if receive {
                 let value = self.spi[usize::from(number)].take_byte();

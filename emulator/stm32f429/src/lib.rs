@@ -202,7 +202,6 @@ pub struct Stm32f429 {
     can: Can,
     dac: Dac,
 
-    /// The cycle of the next event of each instance.
     due: [Cycle; GROUPS * 8],
     group_due: [Cycle; GROUPS],
     next: Cycle,
@@ -216,8 +215,7 @@ pub struct Stm32f429 {
     listening: [u8; 2],
     /// For each SPI, the two streams that exchange its bytes, if there are such streams.
     pairs: [Option<frames::Pair>; 6],
-    /// The interrupt lines of TIM9 to TIM14, which share lines with TIM1 and TIM8. All other lines are in the next
-    /// field.
+    /// The interrupt lines of TIM9 to TIM14, which share lines with TIM1 and TIM8. `own` has all other lines.
     shared: [u64; 4],
     own: [u64; 4],
     out: Effects,

@@ -24,7 +24,6 @@ impl TraceFile {
         }
     }
 
-    /// Writes the values of all signals at 0 ns, before any change.
     pub(super) fn start(&mut self, signals: &[Signal], values: &[Value]) -> io::Result<()> {
         if let Self::Vcd(file) = self {
             file.start()?;

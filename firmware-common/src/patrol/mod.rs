@@ -121,7 +121,7 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// Returns a count without due slices. In both methods `now_us` is the value of a µs counter that may wrap.
+    /// Returns a count without due slices at `now_us`, the value of a µs counter that may wrap.
     #[must_use]
     pub const fn new(now_us: u32) -> Self {
         Self { last_us: now_us }

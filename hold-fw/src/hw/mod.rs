@@ -17,8 +17,8 @@
 //!
 //! # Anomalies
 //!
-//! The table lists errata of the nRF52840 by Nordic's numbers. `dpr-fw/src/hw/mod.rs` lists those of the peripherals
-//! that both firmwares use.
+//! The table lists errata of the nRF52840 by Nordic's numbers. `dpr-fw/src/hw/mod.rs` lists the errata of the
+//! peripherals that both firmwares use.
 //!
 //! | no. | what is wrong | consequence or measure |
 //! |---|---|---|

@@ -199,7 +199,7 @@ impl Port for RfPort {
     }
 
     fn start_read(&mut self, offset: usize, len: usize) -> bool {
-        // The exchange only ever reads a whole answer at once.
+        // The state machine reads an answer in one piece.
         if offset != 0 || len > BUFFER {
             return false;
         }

@@ -29,7 +29,6 @@ fn check(frame: &SentFrame, config: &Config) -> u32 {
     let object = HoldStatus::verify(&frame.bytes[1..65]).expect("an intact object");
     assert_eq!(object.timestamp(), timestamp(tick));
     let after_tick = frame.started_ns % PERIOD_NS;
-    // The transmit command is one byte on the SPI, 1 µs.
     assert_eq!(after_tick, u64::from(SLOT_US) * 1_000 + 1_000 + config.transmit_latency_ns, "in cycle {tick}");
     assert!(frame.whole);
     tick

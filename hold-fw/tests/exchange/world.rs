@@ -174,7 +174,6 @@ impl FrontEndPort for Side {
     }
 }
 
-/// The hold's link, the listener, the air between them, and the ticks and slots.
 pub(crate) struct World<'a> {
     pub(crate) link: Link<'a, Side>,
     listener: Executor<Answerer, Side>,

@@ -39,7 +39,6 @@ struct Rig {
 }
 
 impl Rig {
-    /// Returns a model of a receiver that was read until it was empty.
     fn new() -> Self {
         let mut rig = Self::with_backlog();
         rig.cycle(None);

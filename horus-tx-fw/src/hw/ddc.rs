@@ -17,8 +17,8 @@
 //!   the tick.
 //! - Erratum "start cannot be generated after a misplaced stop": only SWRST helps. A transaction whose START does not
 //!   come has not ended by the tick, and the tick then resets the peripheral.
-//! - Erratum "mismatch on the set-up time of a repeated start": it concerns standard mode from 88 kHz on, and this is
-//!   fast mode.
+//! - Erratum "mismatch on the set-up time of a repeated start": it concerns standard mode from 88 kHz on, and this bus
+//!   runs in fast mode.
 //! - Erratum "data valid time violated without OVR": it concerns a target that transmits, and this peripheral is the
 //!   controller.
 //! - Erratum about rise times of SDA and SCL when the bus's supply is above the part's: it does not apply, because the

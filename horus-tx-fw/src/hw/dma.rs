@@ -179,8 +179,8 @@ const STOP_POLLS: u32 = 128;
 ///
 /// # Errors
 ///
-/// [`StillOn`] if the stream has not ended after some µs: the controller or its bus hangs, the memory does not belong
-/// to the processor, and only a reset helps.
+/// [`StillOn`] if the stream has not ended after some µs. Then the DMA controller or its bus hangs, the processor must
+/// not use the stream's memory, and only a reset helps.
 pub(super) fn stop(stream: Stream) -> Result<(), StillOn> {
     registers(stream).cr().modify(|_, w| w.en().clear_bit());
     if (0..STOP_POLLS).any(|_| !is_on(stream)) {

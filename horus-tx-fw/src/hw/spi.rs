@@ -8,8 +8,8 @@
 //!
 //! # Errata (ES0206 rev 24) of the peripheral
 //!
-//! - ES0206 2.12.1, 2.12.5: BSY may stay high when the SPI is disabled, or after a transfer in other modes than this
-//!   one. Measure: the SPI stays enabled, and no code waits for BSY.
+//! - ES0206 2.12.1, 2.12.5: BSY may stay high when the SPI is disabled, or after a transfer in some modes, which are
+//!   not used here. Measure: the SPI stays enabled, and no code waits for BSY.
 //! - ES0206 2.12.4: the last bit may be corrupted in controller mode with delayed SCK feedback. Measure: SCK has a very
 //!   high pad speed, and 0.56 MHz of the 45 MHz that it may have.
 //!

@@ -19,7 +19,8 @@
 //! A part as delivered has no brown-out reset above 1.7 V; `cargo xtask flash horus` sets the level. In a safe state
 //! the watchdog resets the part, which stops again at each start until the supply is high enough.
 //!
-//! The interrupt has the highest priority, which no lock masks. Its handler shares no data and does not return.
+//! The voltage detector's interrupt has the highest priority, which no lock masks. Its handler shares no data and does
+//! not return.
 //!
 //! `unsafe` is used here for the exception handler, to unmask its interrupt, and for registers that nothing else uses.
 #![allow(unsafe_code)]

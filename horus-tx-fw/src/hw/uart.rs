@@ -67,7 +67,6 @@ impl UartSource {
         unsafe { self.registers.get() }
     }
 
-    /// Sets the baud rate. The UART must be off.
     fn set_rate(&self, rate: Rate) {
         let baud = match rate {
             Rate::Usual => timing::GNSS_BAUD,
@@ -145,8 +144,8 @@ impl UartSource {
             None if is_complete => {
                 let rate = message.rate();
                 self.outgoing = None;
-                // Both interrupts of the transmitter are switched off. After the last bit, that of the empty data
-                // register may still be on.
+                // Both interrupts of the transmitter are switched off. The interrupt of the empty data register may
+                // still be on after the last bit.
                 uart.cr1().modify(|_, w| w.txeie().clear_bit().tcie().clear_bit());
                 if rate != Rate::Usual {
                     self.change_rate(Rate::Usual);

@@ -94,7 +94,6 @@ impl Fix {
 }
 
 impl Default for Fix {
-    /// Returns the fix of a receiver that has stated nothing. This fix is not plausible.
     fn default() -> Self {
         Self::new(&Stated::NOTHING)
     }

@@ -74,9 +74,10 @@ pub const LATENCY_MS: i32 = 50;
 pub const LATENCY_SPREAD_MS: i32 = 50;
 /// The length of a week, ms, after which the time of week begins at 0 again.
 pub const WEEK_MS: u32 = 7 * 24 * 3_600 * 1_000;
-/// How much a latency may differ from [`LATENCY_MS`], s. This times the speed is added to an accuracy (decision 15).
+/// The greatest error of [`LATENCY_MS`], s. Multiplied by the speed, it is added to an accuracy (decision 15).
 pub const LATENCY_UNCERTAINTY_S: f32 = 0.05;
-/// Half of the greatest acceleration, 4 m/s². This times the square of the age is added to an accuracy (decision 15).
+/// Half of the greatest acceleration, 4 m/s². Multiplied by the square of the age, it is added to an accuracy (decision
+/// 15).
 pub const HALF_ACCELERATION_M_S2: f32 = 2.0;
 
 /// Two receivers agree within this multiple of the standard deviation of their difference, the root of the sum of both
@@ -249,8 +250,8 @@ impl<const N: usize> Voter<N> {
         let height = height(inputs, &brought, with_altitude);
         let is_stated = self.altitudes.take(now_ms, height, has_quorum, is_result);
 
-        // A receiver that agrees with no other is outvoted. Where a quorum has an altitude, the others must have one
-        // too.
+        // A receiver that agrees with no other is outvoted. If a quorum has altitudes, a receiver with an altitude must
+        // agree with another that has one.
         let peers =
             inputs.each_ref().map(|input| if has_quorum & input.fix.has_altitude { with_altitude } else { set });
         let mut with_peer = 0;
@@ -316,7 +317,7 @@ fn are_within(values: Option<[f32; 3]>, most: f32) -> bool {
     values.is_some_and(|values| values.iter().fold(true, |all, value| all & (value.abs() <= most)))
 }
 
-/// Returns one of the three numbers of each input, or 0 for an input without numbers or with one beyond `most`.
+/// Returns the coordinate `axis` of each input; 0 for an input without coordinates or with one beyond `most`.
 fn axis_of<const N: usize>(
     inputs: &[Input; N],
     of: impl Fn(&Input) -> Option<[f32; 3]>,
@@ -331,8 +332,8 @@ fn axis_of<const N: usize>(
 
 /// Returns the time from the epoch of each position to its arrival, in units of half a millisecond.
 ///
-/// All receivers tell the time of week of the same system. So if one receiver's message arrives later after its time of
-/// week than another's, its latency is greater by that difference. The candidate with the median latency gets
+/// All receivers tell the time of week of the same system. So a receiver's latency is greater by as much as its message
+/// arrives later after its time of week than another receiver's. The candidate with the median latency gets
 /// [`LATENCY_MS`], and the others as much more or less as their messages took. If the difference is above
 /// [`LATENCY_SPREAD_MS`], the receiver's time of week is wrong, and its position gets [`LATENCY_MS`], too.
 fn latencies<const N: usize>(inputs: &[Input; N], candidates: u8) -> [i32; N] {
@@ -368,9 +369,8 @@ fn bring(input: &Input, half_ms_before_arrival: i32) -> Brought {
     }
 }
 
-/// Returns two results. For each candidate, the first has a mask of the candidates that agree with it, including
-/// itself. Row `i` of the second has the places of candidate `i` and those after it, m north and east of the place that
-/// `i` stated.
+/// Returns, for each candidate, a mask of the candidates that agree with it, including itself. Also returns distances:
+/// row `i` has, for candidate `i` and each after it, its place, m north and east of the place that `i` stated.
 fn compare<const N: usize>(
     inputs: &[Input; N],
     brought: &[Brought; N],
@@ -433,7 +433,6 @@ impl hold::Mark for Spot {
     }
 }
 
-/// Returns the median position of the receivers that agree: the median north and the median east, separately.
 fn spot<const N: usize>(inputs: &[Input; N], brought: &[Brought; N], places: &[[[f32; 2]; N]; N], members: u8) -> Spot {
     // The metres count from the first member's place, since that member's row has the places of all members.
     let place: Place = first(members, &inputs.each_ref().map(|input| input.fix.place));
@@ -492,7 +491,7 @@ fn attitude<const N: usize>(inputs: &[Input; N], members: u8) -> Option<[f32; 3]
     let mut attitude = [0.0; 3];
     for (axis, from) in [-PI, 0.0, -PI].into_iter().enumerate() {
         let angles = axis_of(inputs, |input| input.attitude, axis, ANGLE_MAX);
-        // No limit is near half a turn, so two angles agree if both differ from the first angle by amounts that agree.
+        // The limits are far below half a turn. So two angles agree if their differences from the first angle agree.
         let (reference, differences) = about_first(angles, oriented);
         let (middle, spread) = median_and_spread(differences, oriented);
         agree &= spread <= ATTITUDE_LIMITS_RAD[axis];

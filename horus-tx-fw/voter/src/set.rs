@@ -7,13 +7,12 @@ const SETS: usize = 1 << MOST_RECEIVERS;
 /// The number of parts of a metre in which accuracies are counted. At the largest accuracy, a float32 still resolves
 /// one part.
 const PARTS_PER_METRE: f32 = (1 << 20) as f32;
-/// The greatest value that an accuracy has in these parts: 64 m, to which larger accuracies are reduced. A candidate's
-/// accuracy is below 43 m.
+/// The greatest accuracy that is counted, in parts of a metre: 64 m. A candidate's accuracy is below 43 m, and larger
+/// ones are reduced to this value.
 const MOST_PARTS: u32 = (1 << 26) - 1;
 const SUM_BITS: u32 = 29;
 
-/// The weight that each member adds to a set. The number of a receiver adds less than 2^8 to it, and lower numbers add
-/// more.
+/// The weight that each member adds to a set. A lower receiver number adds a little more, always less than 2^8.
 const MEMBER: u32 = 1 << 16;
 const KEPT: u32 = 1 << 8;
 

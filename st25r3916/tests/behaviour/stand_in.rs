@@ -70,11 +70,8 @@ pub(crate) struct Chip {
     /// The time from the command for the supply measurement to I_dct and the result; `None`: I_dct never comes.
     pub(crate) measurement_us: Option<u64>,
     pub(crate) supply_mv: u32,
-    /// Whether the chip carries out transmit commands.
     pub(crate) transmits: bool,
-    /// Whether the end of a sent frame raises I_txe.
     pub(crate) transmit_ends: bool,
-    /// Whether the no-response timer raises I_nre.
     pub(crate) no_response_ends: bool,
     pub(crate) pin_stuck: bool,
     /// The number that the FIFO status adds to the right FIFO level.
@@ -653,7 +650,6 @@ impl Rig {
         self.poller(machine, Step::Event(PollerEvent::Ready))
     }
 
-    /// Loads and transmits one frame. Returns the event that follows.
     pub(crate) fn send(&mut self, machine: &mut Poller, payload: &[u8]) -> PollerEvent {
         self.payload = payload.to_vec();
         match self.load(machine, payload.len()) {

@@ -45,7 +45,6 @@ fn step(listener: &mut Listener, input: Input<'_>) -> Step<ListenerEvent> {
     listener.step(input)
 }
 
-/// Returns a listener that has been set up and waits for a frame.
 fn listening(chip: &mut Chip) -> Listener {
     let mut listener = Listener::new(ListenerConfig::new());
     let mut next = listener.step(Input::Start);

@@ -62,7 +62,7 @@ impl Inbound {
         self.take(now_us, &received)
     }
 
-    /// Processes the next bytes of a stream. Apart from that, it is like [`datagram`](Self::datagram).
+    /// Processes the next bytes of a stream, like [`datagram`](Self::datagram).
     pub fn stream(&mut self, now_us: u64, unix_us: u64, bytes: &[u8]) -> Option<Uplink> {
         let received = self.receiver.stream(unix_us, bytes);
         self.take(now_us, &received)

@@ -87,7 +87,7 @@ struct Board {
     /// The frames that were handed on to the commit task and not read yet.
     handed: RefCell<Vec<u8>>,
     generation: Cell<u8>,
-    /// A frame that will be read later than its turn ([`Mutation::RotationOrder`]).
+    /// A frame that the task reads after a newer one, if the test breaks that rule ([`Mutation::RotationOrder`]).
     put_by: RefCell<Option<Received<Buffer, u8>>>,
 }
 
@@ -111,7 +111,6 @@ impl OneRun {
         Self(At::new(explorer, bounds))
     }
 
-    /// Runs the model of the board until no event is left that could happen.
     pub(crate) fn run(&self) {
         self.0.run();
     }
@@ -179,7 +178,7 @@ impl At {
         self.at_rest();
     }
 
-    /// Checks, when no task is ready, that no buffer and no call was left behind.
+    /// Checks, when no task is ready, that no frame, pause, faulty buffer or newest image was left behind.
     fn at_rest(&self) {
         let hw = self.0.hw.borrow();
         holds(!hw.masked, "a pause has no end");
@@ -291,7 +290,6 @@ impl At {
         self.0.mask.get().max(running as u8)
     }
 
-    /// Runs each called task whose priority is above that of the running code.
     fn interrupts(&self) {
         loop {
             let level = self.level();

@@ -36,7 +36,7 @@ impl Heard {
         self.pins.entry(pin).or_insert_with(|| (run.node().pin(pin), VecDeque::new()));
     }
 
-    /// Begins a line of the script. If the line expects a text, all bytes are searched for it anew.
+    /// Begins a line of the script. If the line expects a text, the search for it starts from the first byte again.
     pub(super) fn begin_line(&mut self) {
         self.sent.values_mut().for_each(|sent| sent.searched = 0);
     }

@@ -20,7 +20,6 @@ use crate::Fault;
 use crate::cost;
 use crate::op::{Block, Do, Op};
 
-/// Whether `first` is the first halfword of a 32-bit instruction (ARM ARM A5.1).
 pub(crate) const fn is_wide(first: u16) -> bool {
     first >= 0xE800
 }
@@ -38,7 +37,6 @@ pub(crate) fn wide(address: u32, first: u16, second: u16) -> Op {
     op(what, 4, block(what))
 }
 
-/// Makes an operation that takes `fault` and does nothing else.
 pub(crate) fn fault(fault: Fault) -> Op {
     op(Do::Fault(fault), 2, Block::Same)
 }

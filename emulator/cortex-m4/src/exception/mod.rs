@@ -34,7 +34,8 @@ const EXTENDED: u32 = 26;
 const REALIGNED: u32 = 1 << 9;
 
 impl<C: Cost> Core<C> {
-    /// The priority that PRIMASK (only if `primask` is true), BASEPRI and FAULTMASK set, ARM ARM B1.5.4.
+    /// Returns the priority to which BASEPRI, FAULTMASK and, if `primask` is true, PRIMASK raise the execution (ARM ARM
+    /// B1.5.4).
     #[inline]
     pub(crate) fn mask_priority(&self, primask: bool) -> i16 {
         if self.faultmask {
@@ -59,7 +60,6 @@ impl<C: Cost> Core<C> {
         i32::from(self.system.nvic.best_priority) < self.execution_priority()
     }
 
-    /// Takes in the interrupt lines and events from the part.
     #[inline]
     pub(crate) fn take_signals<B: Bus>(&mut self, bus: &mut B) {
         let signals = bus.signals();
@@ -101,8 +101,8 @@ impl<C: Cost> Core<C> {
                 }
                 self.debug_event(DFSR_HALTED);
             } else {
-                // Attention stays set, because the debugger's step ends after the next instruction even if nothing else
-                // happens.
+                // The flag `attention` stays set, because the debugger's step ends after the next instruction even if
+                // nothing else happens.
                 self.attention = self.waiting.is_none();
             }
         }

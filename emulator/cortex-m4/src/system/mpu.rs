@@ -117,7 +117,6 @@ impl Mpu {
         }
     }
 
-    /// Drops all spans after a change of the registers.
     fn forget(&mut self) {
         self.spans.clear();
         self.near = std::array::from_fn(|place| Span::elsewhere(place as u32));

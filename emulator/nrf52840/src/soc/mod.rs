@@ -14,9 +14,8 @@
 //! | the one PCLK16M cycle that a PPI channel takes | nothing needs such a resolution; the order of effects is kept |
 //! | loss of a RAM section's contents by RAM\[n\].POWER while the part is on | these registers only store values |
 //!
-//! Every effect is an [`Act`] in one queue. An event may trigger, through PPI, the task that raises the event again.
-//! The part repeats the two for ever, once per clock cycle. Here the loop is cut after a number of turns, which is a
-//! finding.
+//! Every effect is an [`Act`] in one queue. If an event triggers, through PPI, the task that raises it again, the part
+//! repeats the two for ever, once per clock cycle. Here the loop is cut after a number of turns, which is a finding.
 
 #[macro_use]
 mod instances;
@@ -49,7 +48,6 @@ use map::*;
 
 pub(crate) const INTERRUPT_LINES: u16 = 48;
 
-/// The cause of a wake-up from System OFF by LPCOMP.
 const BY_LPCOMP: &str = "LPCOMP";
 
 #[derive(Clone, Debug)]

@@ -12,8 +12,8 @@ impl Soc {
 
     pub(crate) fn drive<O: Outside>(&mut self, at: Cycle, pin: Pin, level: Option<bool>, outside: &mut O) {
         self.come(at, outside);
-        // The core's last access may come a few cycles after the edge, in an instruction that began before it. The
-        // effects of the edge still happen at its own instant.
+        // The core's last access may be a few cycles after the edge, because its instruction began before. The edge
+        // still takes effect at its own instant.
         let reached = std::mem::replace(&mut self.now, at);
         self.gpio.outside(pin, level, at, &mut self.out);
         self.carry(outside);
@@ -51,7 +51,6 @@ impl Soc {
         }
     }
 
-    /// Exchanges a byte between a controller and the device at its pins.
     pub(super) fn exchange<O: Outside>(&mut self, id: Id, mosi: u8, begins: Cycle, outside: &mut O) {
         let number = serial_number(id);
         let wires = self.parts.serial[number].wires();

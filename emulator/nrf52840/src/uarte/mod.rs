@@ -94,7 +94,6 @@ pub(crate) struct Uarte {
     rxd: [u32; 3],
     txd: [u32; 3],
     tx: Option<Buffer>,
-    /// The byte that the transmitter is sending.
     byte: u8,
     tx_from: u64,
     tx_sent: u64,
@@ -111,7 +110,6 @@ pub(crate) struct Uarte {
     line: Line,
     /// The present byte's start edge, and the sample of its stop bit, both in cycles.
     receiving: Option<(Cycle, Cycle)>,
-    /// Whether the legacy UART's transmitter is on.
     legacy_tx: bool,
     legacy_waiting: Option<u8>,
 }

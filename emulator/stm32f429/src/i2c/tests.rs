@@ -29,7 +29,6 @@ fn rig(answers: &[I2cAnswer]) -> Rig<I2c> {
     rig
 }
 
-/// Sends a start and the address byte, until ADDR or AF is set.
 fn address(rig: &mut Rig<I2c>, byte: u32, bits: u32) {
     rig.write(CR1, PE | START | bits);
     rig.run(rig.now + 160);

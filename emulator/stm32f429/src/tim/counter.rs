@@ -1,7 +1,7 @@
 //! The counter: value, direction, ends of its range, and updates (RM0090 17.3.1 to 17.3.4).
 //!
-//! [`Tim::sync`] moves the counter in steps from one count with an effect to the next. [`Tim::plan`] finds the counts
-//! that have to be events.
+//! [`Tim::sync`] advances the counter to the present, from one count with an effect to the next. [`Tim::plan`] finds
+//! the next effect that others can observe, at which the timer needs an event.
 
 use super::*;
 

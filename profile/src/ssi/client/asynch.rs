@@ -1,4 +1,4 @@
-//! The client on an SPI device of [embedded-hal-async 1.0](embedded_hal_async). Apart from that, it is like
+//! The client on an SPI device of [embedded-hal-async 1.0](embedded_hal_async): the asynchronous form of
 //! [`blocking`](super::blocking).
 //!
 //! The caller configures the device: mode 0, most significant bit first, a clock that [`timing`](crate::ssi::timing)

@@ -12,7 +12,7 @@ pub enum Shown<T> {
     Intact(T),
     /// There is no object: every byte is 0x00 or every byte is 0xFF, as after a scrub.
     Vacant,
-    /// The bytes are not the object, for this reason.
+    /// The bytes are not the expected object, for the given reason.
     Damaged(Rejection),
 }
 

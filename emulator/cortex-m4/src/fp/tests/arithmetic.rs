@@ -154,7 +154,6 @@ fn finite(bits: u32) -> bool {
     f32::from_bits(bits).is_finite()
 }
 
-/// Compares a binary operation on random finite operands with the host's result.
 fn check_binary(seed: u64, ways: [Binary; 2], truth: fn(f32, f32) -> Option<Truth>) {
     let mut random = Random(seed);
     for _ in 0..CASES {
