@@ -150,7 +150,7 @@ pub enum What {
     },
     /// The bench disturbs something on purpose. A change of a board's supply or reset pin has its own event.
     Injected {
-        /// The kind of fault in words, which people read and counts use. No rule reads it.
+        /// The kind of fault, in words for the reader of the log.
         kind: String,
         /// What the fault disturbs.
         disturbs: Disturbance,

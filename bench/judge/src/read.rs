@@ -86,8 +86,7 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// Decodes the frame in `bytes`: LEN, payload, CRC-16. A frame that is not `whole` broke off. Its payload is then
-    /// as long as LEN announces if enough bytes have arrived.
+    /// Decodes the frame in `bytes` (LEN, payload, CRC-16). `whole` is false for a frame that broke off.
     #[must_use]
     pub fn of(layout: Layout, bytes: &[u8], whole: bool) -> Self {
         let announced = bytes.first().map_or(0, |len| usize::from(*len));

@@ -657,7 +657,6 @@ mod tests {
                     *whole = false;
                 }
             }
-            // HORUS sends a whole frame after the frame that broke off.
             let bytes = events.events.iter().find_map(|event| match &event.what {
                 What::Sent { bytes, .. } => Some(bytes.clone()),
                 _ => None,

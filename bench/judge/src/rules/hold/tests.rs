@@ -10,7 +10,8 @@ use crate::Bytes;
 use crate::disturbance::{Conduct, Disturbance, HoldPart};
 use crate::testing::{self, Events};
 
-/// Returns the violations of a hold that is open at 30 °C, restarts for `cause`, and then says `after`.
+/// Returns the violations of a hold that is unlocked with a set-point of 30 °C, restarts for `cause`, and then sends a
+/// Hold-Status with the changes of `after`.
 fn restarted(cause: Cause, after: impl FnOnce(&mut HoldValues)) -> Vec<Violation> {
     let mut before = HoldValues { set_point: 30.0, ..HoldValues::absent(1_000) };
     before.acknowledged[0] = Acknowledged::new(4, Outcome::Done);
@@ -85,7 +86,7 @@ fn violations(events: &Events) -> Vec<Violation> {
     testing::found(Hold::new(&log.header), &log).0.into_iter().map(|(violation, ..)| violation).collect()
 }
 
-/// The bytes of Hold-Status of the hold's instant `timestamp`, ms.
+/// Returns a Hold-Status with the timestamp `timestamp` (ms).
 fn status(timestamp: u32) -> Vec<u8> {
     HoldStatus::seal(WriterOf::<ActiveLoad>::claim(), &HoldValues::absent(timestamp)).as_bytes().to_vec()
 }
@@ -103,7 +104,6 @@ fn exchange(events: &mut Events, at: u64, timestamp: u32) {
     events.add(at + 4 * MS, What::Hold(HoldEvent::Answered(answer)));
 }
 
-/// Adds a transaction that reads the whole map at `at`, and in it this object of the hold.
 fn read(events: &mut Events, at: u64, object: &[u8]) {
     let place = testing::header(1).layout().with_hold().hold().unwrap();
     let mut miso = vec![0; place.end];
@@ -183,7 +183,6 @@ fn a_dpr_that_hangs_may_leave_an_answer_without_its_bytes() {
     assert_eq!(violations(&events), []);
 }
 
-/// An uplink of the base station (writer 0) or the flight controller, of its instant `timestamp` (ms).
 fn uplink(writer: usize, timestamp: u32) -> Vec<u8> {
     let values = UplinkValues { timestamp, ..UplinkValues::default() };
     let object = match writer {
@@ -200,8 +199,6 @@ fn write(events: &mut Events, at: u64, object: &[u8], served: bool) {
     events.add(at, What::Transaction { selected: at - MS / 2, mosi: Bytes(mosi), miso: Bytes(miso) });
 }
 
-/// Returns the violations of an answer that begins `after` (ns) a new object of the hold came at 1 s, with these
-/// uplinks. Before, both writers wrote what `written` has: writer, timestamp, instant (ms), and whether it was served.
 fn answers(after: u64, uplinks: [Vec<u8>; 2], written: &[(usize, u32, u64, bool)]) -> Vec<Violation> {
     let mut events = run();
     for (writer, timestamp, at, served) in written {
