@@ -23,7 +23,6 @@ pub(crate) fn header(gps: usize) -> Header {
     Header { version: Header::VERSION, gps, seed: 1, clock: "fast".to_owned(), hold: false }
 }
 
-/// The events of a run in any order; [`Events::log`] sorts them.
 #[derive(Clone, Debug)]
 pub(crate) struct Events {
     pub(crate) gps: usize,
@@ -147,7 +146,6 @@ pub(crate) fn broken(mut rule: impl Rule, log: &Log) -> (Vec<Broken>, Figures) {
     (findings.into_broken(), figures)
 }
 
-/// Returns what [`broken`] does, with only the count and the instant, ns, of the first occurrence of each violation.
 pub(crate) fn found(rule: impl Rule, log: &Log) -> (Vec<(Violation, u64, u64)>, Figures) {
     let (broken, figures) = broken(rule, log);
     (broken.into_iter().map(|broken| (broken.violation, broken.count, broken.first_at)).collect(), figures)

@@ -252,7 +252,7 @@ mod tests {
             (3, vec![0, 1], None),
             (5, vec![0, 3], Some(40)),
             (5, vec![0, 1, 4], None),
-            // The only receiver is not disturbed, but one that is not fitted.
+            // The disturbed receiver is not fitted.
             (1, vec![1], Some(10)),
         ] {
             let events = || who.iter().map(|receiver| disturbed(*receiver)).collect::<Vec<_>>();

@@ -109,7 +109,6 @@ fn what_reaches_the_antenna_of_a_dpr_that_hangs_is_never_shown() {
 
 #[test]
 fn objects_may_outlast_a_repeated_frame_if_the_dpr_hangs_first() {
-    // The only receiver's frame arrives twice.
     let run = Run::new(1);
     let (cycle, after) = (20, 5_300 * US);
     let repeated = run.end(cycle) + after;
