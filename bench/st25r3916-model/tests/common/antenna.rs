@@ -15,8 +15,7 @@ pub(crate) fn bits_ns(bits: u64) -> u64 {
     (bits * (BIT_AS / 1_000) + 500_000) / 1_000_000
 }
 
-/// Returns the bytes of a frame: LEN, a payload that depends on `seed`, and two bytes for the CRC-16, which the air
-/// does not check.
+/// Returns the bytes of a frame: LEN, a payload drawn from `seed`, and two bytes in place of the CRC-16.
 pub(crate) fn frame(payload: usize, seed: u8) -> Vec<u8> {
     let mut bytes = vec![payload as u8 + 1];
     bytes.extend((0..payload + 2).map(|i| (i as u8).wrapping_mul(37).wrapping_add(seed)));
