@@ -1,9 +1,9 @@
 //! Defects that a hurried change could leave in the sources. Each has a change of one file, the run of `cargo xtask
 //! sim` that shows the defect, and the resulting violation.
 //!
-//! `cargo xtask defects` builds a copy of the workspace that contains all defects, and runs each defect separately
-//! (`xtask/src/defects.rs`). A run chooses its defect. In a new text the word `DEFECT` stands for this choice. If a new
-//! text lacks the word, the program contains both texts, and executes the new one if the defect is chosen.
+//! `cargo xtask defects` builds a copy of the workspace with all defects, and a run chooses one of them
+//! (`xtask/src/defects.rs`). The word `DEFECT` in a new text stands for the choice. Without that word the program
+//! contains both texts, and executes the new one if the defect is chosen.
 //!
 //! The old text of a row must occur exactly once in its file, and not in a `const fn`.
 
