@@ -18,7 +18,7 @@ const EPISODE: std::ops::Range<u64> = 300 * MS..900 * MS;
 /// The longest time, ns, by which the SSI's tasks delay a frame (`sums.rs`): the ends of a pause and of a transaction,
 /// and another end within the publication.
 const FAST_SHARE: u64 = 14_000;
-/// As [`FAST_SHARE`], for the pessimistic clock (`sums.rs`: 17.2 µs).
+/// The longest time by which the SSI's tasks delay a frame on the pessimistic clock, ns (`sums.rs`: 17.2 µs).
 const PESSIMISTIC_SHARE: u64 = 22_500;
 
 #[derive(Debug)]

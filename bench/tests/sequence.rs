@@ -127,7 +127,7 @@ fn inserted(back: u32) -> Option<()> {
     assert_eq!(first_again, Some(&stamp(24)), "{back} back");
     let age = oldest(&views, &ends(&sent));
     assert!(age <= STALE, "{back} back: {age} ns");
-    // Not shown are the first three frames, the inserted one, and frames 21 to 23.
+    // The first three frames, the inserted one, and frames 21 to 23 are not shown.
     let accepted = count(&node, std::mem::offset_of!(Telemetry, objects_accepted));
     assert_eq!(accepted, (41 - 3 - 4) * OBJECTS, "{back} back");
     Some(())

@@ -162,7 +162,7 @@ fn a_task_that_is_preempted_stays_entered_while_another_runs() {
     assert!((20_500_000..20_500_000 + 20 * CYCLE).contains(&preempted.0), "{preempted:?}");
 }
 
-/// Of two exceptions with one priority, the second follows the first by tail-chaining.
+/// The second of two exceptions with one priority follows the first by tail-chaining.
 #[test]
 fn a_task_that_another_follows_by_tail_chaining_has_ended() {
     for table in [&TABLE[..], &TABLE[..1]] {

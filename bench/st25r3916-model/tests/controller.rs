@@ -44,7 +44,7 @@ fn it_tells_when_chip_select_rose_after_a_command_to_transmit() {
     let second = pair.now;
     assert_eq!(pair.poller.take_transmits(), [first, second]);
     assert_eq!(found(&pair.poller, Kind::TransmitWhileBusy), 1);
-    // As a register's value or a FIFO byte, C4 is no command.
+    // The byte C4 is no command if it is a register's value or a FIFO byte.
     pair.spi(Side::Poller, &[0x13, 0xC4, 0xC4]);
     pair.spi(Side::Poller, &[0x80, 0xC4, 0xC4]);
     pair.spi(Side::Poller, &[0xDB]);
