@@ -18,9 +18,9 @@ impl Output {
     ///
     /// # Errors
     ///
-    /// A symbolic link stays, and the file to which it leads is written.
+    /// `place` is a folder, or the folder in which it lies cannot be written to.
     pub(crate) fn new(option: &str, place: &Path) -> Result<Self> {
-        // A symbolic link stays as it is, and the file that it leads to is written.
+        // A symbolic link stays, and the file to which it leads is written.
         let place = place.canonicalize().unwrap_or_else(|_| place.to_owned());
         if place.is_dir() {
             bail!("{option}: {} is a folder", place.display());

@@ -24,9 +24,9 @@ pub enum FrontEndFault {
     FrameAgain(u64),
     /// The chip receives each transmit command again, this many ns after the frame's end.
     CommandAgain(u64),
-    /// Each rise of chip select reaches the chip late, by a uniformly drawn delay of at most this many ns.
+    /// Each frame begins late, by a uniformly drawn delay of at most this many ns.
     Scatters(u64),
-    /// Each rise of chip select reaches the chip late by a uniformly drawn delay of at most this many ns.
+    /// Each rise of chip select reaches the chip late, by a uniformly drawn delay of at most this many ns.
     SelectLate(u64),
 }
 
@@ -259,7 +259,6 @@ mod tests {
     const BITS: u32 = 8 * 13;
     const AIR_NS: u64 = (64 + BITS as u64) * BIT_NS;
 
-    /// Sends a frame at 1 ms through a front end with `faults`. Returns what leaves the antenna until `until`.
     fn leaves(faults: &[FrontEndFault], until: u64) -> (Vec<(u64, AirEvent)>, Vec<u64>) {
         let mut emission = Emission::new(1);
         faults.iter().for_each(|fault| emission.begin(0, *fault, false));

@@ -204,7 +204,6 @@ impl Impostor {
         Some((at, event))
     }
 
-    /// Plans the events that follow the instant `at` (ns).
     fn plan(&mut self, at: u64, horus: &[Vec<u8>]) {
         let rng = &mut self.rng;
         let begins = at + if rng.one_in(2) { rng.between(20_000, 400_000) } else { rng.between(20_000, 20 * MS) };

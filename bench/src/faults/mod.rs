@@ -84,11 +84,10 @@ pub enum Fault {
     Input(usize, InputFault),
     /// A fault of HORUS's front end.
     FrontEnd(FrontEndFault),
+    /// A fault of a board's front-end chip, or of a line to it.
+    Chip(Board, ChipFault),
     /// A bit of a register of a board's front-end chip flips. The number is the bit's index in [`RegisterBit::all_of`],
     /// modulo the number of bits. The firmware must have corrected the bit when the episode ends.
-    Chip(Board, ChipFault),
-    /// A register's bit of a board's front-end chip flips. The number is the bit's index in [`RegisterBit::all_of`],
-    /// modulo the number of bits. The firmware must have corrected the flip when the episode ends.
     Flip(Board, u64),
     /// A misuse of the SSI by the flight controller.
     FlightController(Conduct),
@@ -98,11 +97,11 @@ pub enum Fault {
     Base(BaseFault),
     /// A fault of a board's supply or reset pin.
     Power(Board, PowerFault),
-    /// A task of a board is dead, because its interrupt is off. The number is the task's index in [`tasks_of`]. The
-    /// board's watchdog ends the fault, because the task does not check in.
+    /// A board's core hangs: it executes nothing and takes no interrupt, but its peripherals and DMA continue
+    /// ([`emulator_node::Node::hang`]). Only the board's own watchdog ends the hang.
     Hang(Board),
     /// A task of a board is dead, because its interrupt is off. The number is the task's index in [`tasks_of`]. The
-    /// board's watchdog ends the fault, because the task no longer checks in. A board that has not enabled its
+    /// board's watchdog ends the fault, because the task does not check in. A board that has not enabled its
     /// interrupts, hangs or has no supply is not affected.
     DeadTask(Board, u8),
     /// A task of a board runs once although nothing has called it: its interrupt becomes pending. The number is the

@@ -454,7 +454,7 @@ fn buffers(rng: &mut Rng) -> Vec<Draw> {
     draws
 }
 
-/// Returns the faults that restart a board at once.
+/// The faults that restart a board at once.
 const RESTARTS: [PowerFault; 3] = [PowerFault::Pin, PowerFault::BrownOut, PowerFault::Watchdog];
 
 /// Returns every fault of either board's supply and reset, sags, and faults of both boards together in either order.

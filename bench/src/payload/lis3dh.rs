@@ -191,7 +191,6 @@ impl Lis3dh {
         }
     }
 
-    /// Writes `value` to `register` at `at` (ns).
     fn store(&mut self, at: u64, register: u8, value: u8) {
         let bits = |bits: u8| value & bits != 0;
         let odd = match register {
@@ -229,7 +228,6 @@ impl Lis3dh {
         }
     }
 
-    /// Begins to sample with the present settings at `at` (ns).
     fn plan(&mut self, at: u64) {
         let low_power = self.value(CTRL_REG1) & 0x08 != 0;
         let high_resolution = self.value(CTRL_REG4) & 0x08 != 0;
@@ -257,7 +255,6 @@ impl Lis3dh {
         (self.fifo_from, self.taken, self.seen, self.kept) = (0, 0, [0; 3], [None; 3]);
     }
 
-    /// Returns the number of samples that were taken by `at` (ns).
     fn samples(&self, at: u64) -> u64 {
         self.sampling.map_or(0, |it| at.checked_sub(it.first).map_or(0, |since| since / it.period + 1))
     }
@@ -305,7 +302,6 @@ impl Lis3dh {
         }
     }
 
-    /// Reads byte `place` of the output registers at `at` (ns).
     fn output(&mut self, at: u64, place: usize, vibration: &Vibration) -> u8 {
         let (axis, high) = (place / 2, place % 2);
         if self.has_fifo() {
@@ -381,7 +377,6 @@ mod tests {
         bytes
     }
 
-    /// Returns a sensor with these values in CTRL_REG1 and CTRL_REG4.
     fn set_up(rate: u8, mode: u8) -> Lis3dh {
         let mut sensor = Lis3dh::new(4);
         write(&mut sensor, 10 * MS, CTRL_REG4, &[mode]);

@@ -126,7 +126,6 @@ mod tests {
 
     const MS: u64 = 1_000_000;
 
-    /// Returns the event of a frame with one receiver's objects, sent after the tick at `tick`.
     fn sent(tick: u64, latitude: f64, excluded: bool) -> Event {
         let reported = ReportedValues {
             status: ReportedStatus::new().with_position_valid(true),

@@ -136,7 +136,6 @@ impl<C: Cost> Link<C> {
         }
     }
 
-    /// Takes the log lines of the hold since the last call.
     pub(super) fn hold_lines(&mut self) -> Vec<LogLine> {
         self.hold.as_mut().map(Beside::take_log).unwrap_or_default()
     }
@@ -162,7 +161,6 @@ impl<C: Cost> Link<C> {
         self.hold.as_mut().map(Beside::node)
     }
 
-    /// The figures of the hold; `None` without one.
     pub(super) fn hold_figures(&self) -> Option<report::Hold> {
         Some(self.hold.as_ref()?.figures(self.flight_controller.hold()?))
     }
@@ -468,7 +466,6 @@ impl<C: Cost> Link<C> {
         }
     }
 
-    /// Begins or ends an episode of a fault on the DPR's side.
     fn turn(&mut self, turn: &Turn, node: &mut Node<Dpr, C>) {
         let now = node.now();
         let (Turn::Begins(episode) | Turn::Ends(episode)) = turn else {
@@ -535,7 +532,6 @@ impl<C: Cost> Link<C> {
         }
     }
 
-    /// Begins, changes or ends an episode of a fault of the board itself.
     fn turn_board(&mut self, turn: &Turn, node: &mut Node<Dpr, C>) {
         self.dpr_events.turn(node, turn);
         // A DPR without supply offers no image. `watch_dpr` handles all other restarts.

@@ -45,29 +45,31 @@ const OF_HORUS: usize = 8;
 /// The interval between two records of the payload's true state, ns.
 const PAYLOAD_EVERY: u64 = 100_000_000;
 
-/// The path of the hold's frames to the DPR.
+/// The hold, and the air between it and the DPR's second front end.
 #[derive(Clone, Debug)]
 pub(super) struct Beside<C: Cost> {
     node: Node<Hold, C>,
-    /// The path of the DPR's answers to the hold.
+    /// The path of the hold's frames to the DPR.
     air: Air,
-    /// The instant, ns, up to which the hold has been simulated.
+    /// The path of the DPR's answers to the hold.
     answers: AnswerPath,
-    /// The answer that the DPR is sending: the instant of its first bit (ns), and its bytes so far.
+    /// The instant, ns, up to which the hold has been simulated.
     reached: u64,
-    /// The hostile sender in place of the hold, and whether it stops after its present frame.
+    /// The answer that the DPR is sending: the instant of its first bit (ns), and its bytes so far.
     answering: Option<(u64, Vec<u8>)>,
     answer_faults: AnswerFaults,
-    /// The last frames of HORUS, which a hostile sender may repeat.
+    /// The hostile sender in place of the hold, and whether it stops after its present frame.
     impostor: Option<(Impostor, bool)>,
+    /// The last frames of HORUS, which a hostile sender may repeat.
     of_horus: Vec<Vec<u8>>,
     crosstalk: bool,
     broken: Option<Break>,
-    /// The number of restarts of the hold that are in the log.
+    /// Whether a frame of the hold is on the air.
     sending: bool,
-    /// The instant of the next record of the payload, ns.
+    /// The number of restarts of the hold that are in the log.
     restarts: usize,
     findings: usize,
+    /// The instant of the next record of the payload, ns.
     payload_at: u64,
     payload_from: u64,
 }
@@ -431,7 +433,6 @@ impl<C: Cost> Beside<C> {
         }
     }
 
-    /// Takes the log lines of the hold since the last call.
     pub(super) fn take_log(&mut self) -> Vec<LogLine> {
         self.node.take_log()
     }
@@ -444,7 +445,6 @@ fn hear(board: &mut Dpr, at: u64, event: &AirEvent) {
     }
 }
 
-/// Changes the set-point in the frame of a Hold-Status.
 fn change_set_point(frame: &mut [u8]) {
     let Some(place) = frame.get_mut(1..1 + HoldStatus::SIZE) else { return };
     let Ok(mut values) = HoldStatus::verify(place).map(HoldStatus::values) else { return };

@@ -270,9 +270,9 @@ pub struct Outcome {
     pub verdict: Verdict,
     /// The base station, with its history.
     pub base: BaseStation,
-    /// The outcome of each phase of [`Setup::sweep`]; empty without a sweep.
+    /// Every log line of both boards, each with its board.
     pub logs: Vec<(&'static str, String)>,
-    /// The outcome of each phase of [`Setup::sweep`], if there was a sweep.
+    /// The outcome of each phase of [`Setup::sweep`]; empty without a sweep.
     pub phases: Vec<Phase>,
 }
 
@@ -513,7 +513,6 @@ impl<C: Cost> Bench<C> {
     }
 }
 
-/// Returns the figures of a run that has reached `reached` (ns).
 fn report<C: Cost>(
     header: &Header,
     reached: u64,

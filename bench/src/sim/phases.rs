@@ -33,9 +33,9 @@ pub enum Edge {
 pub struct Placement {
     /// The edge of chip select that is placed.
     pub edge: Edge,
-    /// The number of bytes in the transaction; `None` for the whole image.
+    /// The time from the phase's instant to the placed edge, ns; negative if the edge comes first.
     pub after_ns: i64,
-    /// The number of bytes that are clocked; `None` for the whole image.
+    /// The number of bytes in the transaction; `None` for the whole image.
     pub bytes: Option<usize>,
 }
 

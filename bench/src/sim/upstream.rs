@@ -21,11 +21,10 @@ use crate::trace::{self, Mark, TaskWatch, Wire};
 use emulator_node::{LogLine, Node, Upstream};
 use gnss_sim::Port;
 
-/// The time from the end of a message of HORUS to the receiver's answer, ns. Real receivers take some tens of
-/// milliseconds.
+/// The time for which the pin TICK is high before each tick, ns.
 const TICK_PULSE_NS: u64 = TICK_PULSE_TICKS as u64 * 1_000 / TICKS_PER_US as u64;
 
-/// The time from the end of a message from HORUS to the receiver's answer, ns; real receivers take some tens of
+/// The time from the end of a message of HORUS to the receiver's answer, ns. Real receivers take some tens of
 /// milliseconds.
 const ANSWERS_AFTER: u64 = 20_000_000;
 /// How long a receiver ignores its input after a change of its bit rate, ns (u-blox integration manuals).

@@ -44,9 +44,9 @@ const GUARD_CYCLES: u64 = 2_672;
 #[derive(Clone, Debug)]
 pub(crate) struct Receiver {
     frame: Option<Incoming>,
-    /// The instant, ns, of the end of the last received frame, until an answer follows; `None` without such a frame.
+    /// The instant since which the receiver has been unmasked, ns; `None` if it is masked.
     unmasked_since: Option<u64>,
-    /// The instant at which the last received frame ended that no answer has followed, ns; `None` without such a frame.
+    /// The instant, ns, of the end of the last received frame, until an answer follows; `None` without such a frame.
     asked: Option<u64>,
 }
 

@@ -44,17 +44,17 @@ impl Arrivals {
     }
 }
 
-/// The most execution time that is demanded in any window of a length: a staircase with steps of equal width.
+/// The greatest execution time that a group of tasks demands in any window of a length, as a staircase.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Curve {
     /// The width of a step, above 0.
     pub step: u64,
-    /// The greatest execution time that a group of tasks demands in any window of a length, as a staircase.
+    /// The execution time that windows up to the end of each step demand; it never falls.
     pub demands: Vec<u64>,
 }
 
 impl Curve {
-    /// The execution time that windows up to the end of each step demand; it never falls.
+    /// Returns the greatest demand in a window of this length; `None` beyond the last step.
     #[must_use]
     pub fn demand(&self, window: u64) -> Option<u64> {
         if window == 0 {
@@ -64,10 +64,10 @@ impl Curve {
     }
 }
 
-/// Returns the greatest demand in a window of this length; `None` beyond the last step.
+/// What delays a task, besides its own execution and blocking by less urgent code.
 #[derive(Clone, Copy, Debug)]
 pub enum Interference<'a> {
-    /// What delays a task, besides its own execution and blocking by less urgent code.
+    /// Another task, with its arrivals and its execution time. Its releases may be late by up to `jitter`.
     Task {
         /// The arrivals without jitter.
         arrivals: Arrivals,
@@ -76,7 +76,7 @@ pub enum Interference<'a> {
         /// The execution time of a job.
         cost: u64,
     },
-    /// Another task, with its arrivals and its execution time. Its releases may be late by up to `jitter`.
+    /// A group of tasks, with its demand in a window. `jitter` extends the window.
     Curve {
         /// The demand.
         curve: &'a Curve,
@@ -94,7 +94,9 @@ impl Interference<'_> {
     }
 }
 
-/// A group of tasks, with its demand in a window. `jitter` extends the window.
+/// Returns the bound of the response time of a task with the execution time `cost`, which less urgent code blocks for
+/// up to `blocking`. `own` has the arrivals of a task that may be released before it has ended. Without a bound up to
+/// `limit`, the result is `None`.
 #[must_use]
 pub fn response(
     cost: u64,
@@ -132,9 +134,7 @@ fn fixed_point(work: u64, interference: &[Interference<'_>], limit: u64) -> Opti
     None
 }
 
-/// Returns the bound of the response time of a task with the execution time `cost`, which less urgent code blocks for
-/// up to `blocking`. `own` has the arrivals of a task that may be released before it has ended. Without a bound up to
-/// `limit`, the result is `None`.
+/// Returns whether these tasks demand more than the whole processor, so that there is no bound.
 fn overloads(own: Arrivals, cost: u64, interference: &[Interference<'_>]) -> bool {
     let share = |arrivals: Arrivals, cost: u64| (arrivals.most * cost) as f64 / arrivals.within as f64;
     let others = interference.iter().map(|it| match *it {
@@ -152,7 +152,8 @@ mod tests {
         Interference::Task { arrivals: Arrivals::every(period), jitter: 0, cost }
     }
 
-    /// Returns whether these tasks demand more than the whole processor, so that there is no bound.
+    /// A. Burns, A. Wellings, *Real-Time Systems and Programming Languages*, chapter "Scheduling", response-time
+    /// analysis: three tasks (period, execution) = (7, 3), (12, 3), (20, 5) respond within 3, 6 and 20.
     #[test]
     fn burns_and_wellings_three_tasks_respond_within_3_6_and_20() {
         let tasks = [(7, 3), (12, 3), (20, 5)];

@@ -32,7 +32,6 @@ impl Script {
         self.receivers.i2c(self.now, SCL, SDA, event)
     }
 
-    /// Sets the receiver's register address, if `register` is given, and reads `bytes` bytes over I2C.
     fn read(&mut self, register: Option<u8>, bytes: usize) -> Vec<u8> {
         if let Some(register) = register {
             assert!(self.i2c(I2cEvent::Start(0x84)).acknowledged);
@@ -72,7 +71,6 @@ impl Script {
             .collect()
     }
 
-    /// Makes one SPI transaction at 562.5 kHz and returns the bytes that MISO carried.
     fn transaction(&mut self, mosi: &[u8]) -> Vec<u8> {
         self.select(true);
         let miso = self.clock(mosi, 14_222, 14_222);

@@ -209,7 +209,6 @@ fn a_receiver_that_is_off_is_so_in_all_three_directions() {
 fn a_receiver_that_drifts_is_farther_off_from_burst_to_burst() {
     let north = |at| differs(ReceiverFault::Drifts { mm_s: 20_000 }, at, &[28])[0] - 475_000_000;
     assert_eq!(north(0), 0);
-    // The receiver's position drifts by 20 m in a second.
     assert_eq!(north(100 * MS), 179);
     assert_eq!(north(1_000 * MS), 1_798);
     assert_eq!(north(3_000 * MS), 5_395);

@@ -146,9 +146,9 @@ impl Chip {
         self.result(Space::A, i, value, self.config().measurement_ns);
     }
 
-    /// The bits d_ac_ap2p, d_212_424_1r and d_106_ac_a disable automatic answers.
+    /// Reports a target that is armed while it could answer without its controller.
     fn check_silence(&mut self) {
-        // The bits that disable automatic answers are d_ac_ap2p, d_212_424_1r and d_106_ac_a.
+        // The bits d_ac_ap2p, d_212_424_1r and d_106_ac_a disable automatic answers.
         let silent = self.core.a(reg::PASSIVE_TARGET) & 0x0D == 0x0D;
         if self.core.target() && !silent && self.core.load_modulator() {
             self.core.note(Kind::AutomaticAnswersEnabled);
