@@ -43,7 +43,6 @@ fn symbol(image: &Path, begins: &str) -> (u32, u32) {
     (u32::try_from(found[0].address()).unwrap() & !1, u32::try_from(found[0].size()).unwrap())
 }
 
-/// Returns the address of the code that seals Link-Status and publishes an image.
 fn commit(image: &Path) -> u32 {
     symbol(image, "<dpr_fw::commit::Commit<3>>::publish::").0
 }
@@ -128,7 +127,6 @@ impl Client {
         self.reply()
     }
 
-    /// Sends the command `text`. Returns the reply, which is a little-endian word.
     fn word(&self, text: &str) -> u32 {
         u32::from_str_radix(&self.ask(text), 16).unwrap_or_else(|error| panic!("{text}: {error}")).swap_bytes()
     }

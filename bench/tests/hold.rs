@@ -120,7 +120,6 @@ fn no_fault_of_the_hold_moves_a_figure_of_horus() {
     assert_eq!(moved, [], "{expected:?} without a hold");
 }
 
-/// Returns how many of HORUS's objects the DPR accepted and rejected.
 fn objects(finished: &Finished) -> (u64, u64) {
     (finished.report.dpr.objects_accepted, finished.report.dpr.objects_rejected)
 }

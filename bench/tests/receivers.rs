@@ -40,7 +40,6 @@ fn validity(outcome: &Outcome, receiver: usize) -> Vec<(u64, bool)> {
     outcome.base.history().map(|entry| (entry.at_ns, of(entry.gps))).collect()
 }
 
-/// Returns a log of ten epochs with NMEA messages, noise, and a damaged message.
 fn log() -> Vec<u8> {
     (0..10_i32)
         .flat_map(|epoch| {

@@ -58,7 +58,6 @@ pub(crate) fn speed(args: &SpeedArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Measures `seconds` of virtual time of the link.
 fn link(seconds: f64) -> Result<Speed> {
     let (horus, dpr) = firmware::build_pair(Receivers::DEFAULT)?;
     let duration_ns = WARM_UP_NS + (seconds * 1e9).round() as u64;

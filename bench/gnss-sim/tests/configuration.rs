@@ -27,7 +27,6 @@ fn valset(layers: u8, items: &[(u32, u64)]) -> Vec<u8> {
     ubx::frame(CLASS_CFG, VALSET, &payload)
 }
 
-/// Sends `bytes`, which arrive at `at`, and returns all answers.
 fn tell(receiver: &mut Receiver, at: u64, bytes: &[u8]) -> Vec<Vec<u8>> {
     bytes.iter().filter_map(|byte| receiver.hear(at, Some(*byte))).collect()
 }
@@ -36,12 +35,10 @@ fn answer(id: u8) -> Vec<Vec<u8>> {
     vec![ubx::frame(CLASS_ACK, id, &[CLASS_CFG, VALSET])]
 }
 
-/// The bursts that begin up to `end`, ns after reset.
 fn sent(receiver: &mut Receiver, end: u64) -> Vec<Burst> {
     std::iter::from_fn(|| if receiver.next_at()? < end { receiver.next() } else { None }).collect()
 }
 
-/// The class and the identifier of each UBX message in a burst.
 fn messages(burst: &Burst) -> Vec<(u8, u8)> {
     let (mut found, mut rest) = (vec![], &burst.bytes[..]);
     while !rest.is_empty() {

@@ -445,7 +445,6 @@ pub struct Disturbances {
 }
 
 impl Disturbances {
-    /// Updates the excuses with the next event of the log.
     pub(crate) fn take(&mut self, event: &Event) {
         let at = event.at;
         match &event.what {

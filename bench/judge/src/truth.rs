@@ -112,7 +112,6 @@ mod tests {
             self.take(at, What::Reset { board: Board::Horus, cause: crate::Cause::Pin, asked: true });
         }
 
-        /// Sends a frame whose objects are stamped `timestamp` (ms). Without `intact` the last object is damaged.
         fn send(&mut self, started: u64, timestamp: u32, intact: bool) {
             let mut payload = objects(timestamp).concat();
             *payload.last_mut().unwrap() ^= u8::from(!intact);

@@ -257,7 +257,6 @@ fn a_torn_read_that_is_forwarded_and_shown_is_one_violation() {
     assert_eq!(kinds(&log), [Torn]);
 }
 
-/// Returns how many profiles were not forwarded, and the instant, ns, of the first one.
 fn not_forwarded(log: &Log) -> Vec<(u64, u64)> {
     let found = bench_judge::judge(log).violations.into_iter();
     found.filter(|it| it.violation == NotForwarded).map(|it| (it.count, it.first_at)).collect()

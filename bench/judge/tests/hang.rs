@@ -24,12 +24,10 @@ fn silent(plan: &Plan, from: u64) -> Log {
 
 const DEAD: Disturbance = Disturbance::DeadTask { board: Board::Dpr, task: 0 };
 
-/// Returns the violations that are found if the DPR hangs from `at` on.
 fn judged_at(log: &Log, at: u64) -> Vec<(Violation, u64)> {
     judged_with(log, at, hung())
 }
 
-/// Returns the violations if a task of the DPR is dead from `at` on.
 fn judged_dead_at(log: &Log, at: u64) -> Vec<(Violation, u64)> {
     judged_with(log, at, What::Injected { kind: "dead task".into(), disturbs: DEAD, until: at })
 }

@@ -15,7 +15,6 @@ fn found(log: &Log) -> Vec<(Violation, u64)> {
     common::found(log).into_iter().filter(|(violation, _)| *violation != Violation::BaseChanged).collect()
 }
 
-/// Returns a log in which the flight controller reads wrong bytes from the instant `from` to `to`.
 fn read_by_wrong_clocks(from: u64, to: u64) -> Log {
     let mut log = Plan::new(3, 60).log();
     for (_, miso) in transactions(&mut log).filter(|(selected, _)| (from..to).contains(selected)) {

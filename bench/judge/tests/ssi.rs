@@ -64,7 +64,6 @@ fn a_restart_keeps_until_when_the_flight_controller_was_silent() {
     }
 }
 
-/// Returns a run without transactions from the instant `from` to `to` (ns).
 fn without_transactions(from: u64, to: u64) -> Plan {
     let mut plan = Plan::new(3, 60);
     let took = plan.transaction_ns();
@@ -261,7 +260,6 @@ fn a_transaction_into_which_the_dpr_restarts_is_not_judged() {
     assert_eq!(found(&log), []);
 }
 
-/// Moves the events in `which` from the instant `from` to `to` (ns).
 fn moved(log: &bench_judge::Log, from: u64, to: u64, which: &[SsiEvent]) -> bench_judge::Log {
     let mut log = log.clone();
     let mut count = 0;

@@ -110,7 +110,6 @@ fn exchange(chip: &mut Chip, at: u64, mosi: &[u8]) -> Vec<u8> {
     miso
 }
 
-/// Sets the chip up as the recorded firmware did before its first scan for a tag.
 fn bring_up(chip: &mut Chip, writes: &[&[u8]]) {
     let mut now = 1_000_000;
     let mut run = |bytes: &[u8], then: u64| {
@@ -189,7 +188,6 @@ impl Tag {
         Self { answers, to_rxs: bit + config.nfc_a_start_latency_ns }
     }
 
-    /// Gives all answers of the tag to the chip beforehand, each with its own instant.
     fn speak(&self, chip: &mut Chip) {
         for (rxs, data) in &self.answers {
             let start = rxs - self.to_rxs;

@@ -21,7 +21,6 @@ fn parts() -> [Config; 2] {
     [Config::default(), Config::st25r3916()]
 }
 
-/// Returns a configuration in which a driver's unsuitable settings have effects on the air.
 fn strict(config: Config) -> Config {
     Config { unsuited_chain_receives: false, unsuited_modulation_reaches: false, ..config }
 }

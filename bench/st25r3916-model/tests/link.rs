@@ -13,8 +13,6 @@ fn pair() -> Pair {
     Pair::started(Config::default(), Config::default(), clean())
 }
 
-/// Waits until the listener has received a frame. Returns the listener's interrupts at the frame's end, and its FIFO
-/// bytes.
 fn receive(pair: &mut Pair) -> ([u8; 4], Vec<u8>) {
     assert!(pair.wait_irq(Side::Listener, 7_000_000), "I_rxs");
     assert_eq!(pair.irqs(Side::Listener)[0], 0x20);

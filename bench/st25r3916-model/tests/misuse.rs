@@ -539,7 +539,6 @@ proptest! {
             let make = if started { Pair::started } else { Pair::new };
             let mut pair = make(config.clone(), config.clone(), air);
             let mut heard = Vec::new();
-            // The edges of the chips' start are discarded.
             let mut pins = [Side::Poller, Side::Listener].map(|side| {
                 let chip = pair.chip(side);
                 chip.take_irq_edges().for_each(drop);

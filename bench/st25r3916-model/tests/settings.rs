@@ -245,12 +245,10 @@ fn an_nfc_a_poller_with_an_nfc_f_receive_chain_is_reported() {
     }
 }
 
-/// Returns a configuration in which unsuitable settings have effects on the air.
 fn strict(config: Config) -> Config {
     Config { unsuited_chain_receives: false, unsuited_modulation_reaches: false, ..config }
 }
 
-/// Returns two started chips, with the listener's antenna in tune.
 fn strict_pair(config: &Config) -> Pair {
     let mut pair = Pair::started(strict(config.clone()), strict(config.clone()), clean());
     let [a, b] = config.tuning[1];

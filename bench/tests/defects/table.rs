@@ -55,23 +55,16 @@ const ORDER: &str = "base-station/src/drone/order.rs";
 const PLAIN: &str = "--seconds 6";
 /// A run in which the receivers start with their factory settings.
 const FACTORY: &str = "--seconds 8 --factory-settings";
-/// A run with faults of receivers and their lines.
 const GNSS: &str = "--seconds 20 --seed 3 --faults gnss";
 /// A run with faults of receivers and their lines, in which all receivers jump at once.
 const JUMPS: &str = "--seconds 20 --seed 6 --faults gnss";
-/// A run with faults of the air and the front ends.
 const AIR: &str = "--seconds 20 --seed 4 --faults air";
-/// A run with misuses by the flight controller.
 const FC: &str = "--seconds 20 --seed 5 --faults fc";
-/// A run with faults of supplies and reset pins.
 const POWER: &str = "--seconds 20 --seed 6 --faults power";
-/// A run with faulty bits in the DPR's buffers.
 const BUFFERS: &str = "--seconds 20 --seed 12 --faults buffers";
-/// A run with faults of HORUS's state inputs.
 const STATES: &str = "--seconds 20 --seed 8 --faults inputs";
 /// A run in which boards hang, and tasks are dead.
 const HANG: &str = "--seconds 20 --seed 9 --faults hang";
-/// A run in which bits of the front ends' registers flip.
 const CHIPS: &str = "--seconds 20 --seed 10 --faults chips";
 /// The longest run, with all kinds of faults except those of the chips.
 const LONG: &str = "--seconds 60 --seed 31 --faults air,gnss,fc,power,buffers,inputs,hang";

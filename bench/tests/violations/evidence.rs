@@ -12,10 +12,8 @@ use super::{MS, Row, US, breaks, table};
 const SPI1_CR1: u32 = 0x4001_3000;
 /// IWDG_KR, the key register of the STM32's watchdog (RM0090 21.4.1).
 const IWDG_KR: u32 = 0x4000_3000;
-/// The key that reloads the STM32's watchdog.
 const IWDG_RELOAD: u32 = 0xAAAA;
 
-/// The key that starts the STM32's watchdog.
 const IWDG_START: u32 = 0xCCCC;
 /// The address of the nRF52840's watchdog (PS 6.36), whose first register starts it.
 const WDT: u32 = 0x4001_0000;

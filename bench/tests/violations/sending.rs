@@ -59,14 +59,12 @@ const MINUS_ONE: u32 = 0xBF80_0000;
 const TWO: u32 = 0x4000_0000;
 const MILLION_MILLIONS: u32 = 0x5368_D4A5;
 
-/// Returns faults that replace constants of the voter from [`breaks`] on.
 fn voter(constants: &[(u32, u32)]) -> Faults {
     let constants = constants.iter().map(|(of, value)| ImageFault::Constant { of: *of, value: *value });
     constants
         .fold(Faults::none(), |faults, fault| faults.with(breaks(), u64::MAX / 2, Fault::Image(Board::Horus, fault)))
 }
 
-/// Adds an offset of GPS2 by `north` m, which begins 200 ms before the voter's constants change.
 fn with_offset(faults: Faults, north: i32) -> Faults {
     let fault = ReceiverFault::Offset { north, east: 0, up: 0 };
     faults.with(breaks() - 200 * MS, u64::MAX / 2, Fault::Receiver(1, fault))

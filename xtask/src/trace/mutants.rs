@@ -80,7 +80,6 @@ impl Mutant {
     }
 }
 
-/// Returns whether `line` begins the function, constant or static of this name.
 fn is_item(line: &str, name: &str) -> bool {
     let named = |(before, after): (&str, &str)| {
         let own = before.split_whitespace().all(|word| word.starts_with("pub") || ["const", "unsafe"].contains(&word));
@@ -167,7 +166,6 @@ fn attempt(mutant: &Mutant, finder: &Evidence) -> Result<()> {
     Ok(())
 }
 
-/// Tries the named mutants, or all if none is named.
 pub(super) fn run(trace: &Trace, names: &[String]) -> Result<ExitCode> {
     let unknown = names.iter().find(|name| !trace.mutants.iter().any(|mutant| mutant.name == **name));
     ensure!(unknown.is_none(), "there is no mutant {}", unknown.map_or("", String::as_str));

@@ -22,7 +22,6 @@ fn folder() -> Option<PathBuf> {
     folder
 }
 
-/// Serves the files of a folder until the process ends.
 fn serve(folder: PathBuf) -> SocketAddr {
     let listener = TcpListener::bind(("127.0.0.1", 0)).unwrap();
     let address = listener.local_addr().unwrap();

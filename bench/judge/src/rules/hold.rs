@@ -137,7 +137,6 @@ pub struct Hold {
     lock: Option<(u64, bool)>,
 }
 
-/// An object that the flight controller wrote.
 #[derive(Clone, Debug)]
 struct Written {
     /// The end of the transaction, ns.

@@ -176,7 +176,6 @@ mod tests {
     /// The number of 1e-9 degrees of latitude in a metre, exact to 0.1 %.
     const METRE: i64 = 8_993;
 
-    /// Returns a Reported-Position at this distance, mm, north of the first position and above it.
     fn reported(timestamp: u32, north_mm: i64, up_mm: i64) -> ReportedValues {
         let silent = silent_reported(timestamp);
         let status = silent.status.with_position_valid(true);

@@ -141,7 +141,6 @@ impl Plan {
         plan
     }
 
-    /// Returns the image published at `at` that shows the cycle with the timestamp `stamp`.
     pub(crate) fn image(&self, at: u64, stamp: Option<u32>, values: LinkValues) -> Vec<u8> {
         let status = LinkStatusBits::new()
             .with_link_up(stamp.is_some())
@@ -157,7 +156,6 @@ impl Plan {
         [link.as_bytes().as_slice(), &objects].concat()
     }
 
-    /// Returns the index of the publication that shows the cycle with the timestamp `stamp`.
     pub(crate) fn showing(&self, stamp: u32) -> usize {
         let place = self.layout.in_image(0).unwrap();
         let shows = |image: &[u8]| image[place.clone()].starts_with(&stamp.to_le_bytes());
@@ -339,7 +337,6 @@ pub(crate) fn repeats(log: &Log) -> Vec<usize> {
     places
 }
 
-/// Returns the bytes of the transaction at index `place`, for a test to change.
 pub(crate) fn miso(log: &mut Log, place: usize) -> &mut Vec<u8> {
     match &mut log.events[place].what {
         What::Transaction { miso, .. } => &mut miso.0,
@@ -390,7 +387,6 @@ pub(crate) const MISUSE: Disturbance = Disturbance::FlightController { conduct: 
 pub(crate) const RECEIVE_BIT: Disturbance = Disturbance::Memory { board: Board::Dpr, memory: Memory::Receive };
 pub(crate) const IMAGE_BIT: Disturbance = Disturbance::Memory { board: Board::Dpr, memory: Memory::Images };
 
-/// Returns the event by which the bench disturbs something until the instant `until`, ns.
 pub(crate) fn injected(disturbs: Disturbance, until: u64) -> What {
     What::Injected { kind: format!("{disturbs:?}"), disturbs, until }
 }

@@ -10,7 +10,6 @@ pub(crate) const BIT_AS: u64 = 2_359_882_005_899;
 /// The number of bits in the preamble and sync of a frame.
 pub(crate) const HEADER: u64 = 64;
 
-/// Returns the duration of `bits` bits at 424 kbit/s, ns.
 pub(crate) fn bits_ns(bits: u64) -> u64 {
     (bits * (BIT_AS / 1_000) + 500_000) / 1_000_000
 }
@@ -60,7 +59,6 @@ impl Antenna {
         self.air.advance(to, |at, event| told.push((at, event.clone())));
     }
 
-    /// Sends a whole NFC-F frame from `at` on and returns the instant of its end.
     pub(crate) fn send(&mut self, at: u64, bytes: &[u8]) -> u64 {
         self.run_to(at);
         self.poller(at, AirEvent::FrameStart(start(Technology::NfcF, bytes)));

@@ -189,7 +189,6 @@ impl Pair {
         self.spi(Side::Poller, &[0xC4]);
     }
 
-    /// Returns the number of bytes in the FIFO, and the flags of register 1F.
     pub(crate) fn fifo(&mut self, side: Side) -> (usize, u8) {
         let r = self.spi(side, &[0x5E, 0, 0]);
         (usize::from(r[1]) | usize::from(r[2] >> 6) << 8, r[2] & 0x3F)
@@ -202,7 +201,6 @@ impl Pair {
     }
 }
 
-/// Returns the duration of `bits` bits at 424 kbit/s, ns.
 pub(crate) fn bits_ns_424(bits: u64) -> u64 {
     antenna::bits_ns(bits)
 }

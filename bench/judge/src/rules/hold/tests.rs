@@ -74,7 +74,6 @@ fn a_command_is_too_old_if_its_timestamp_stayed_the_same() {
     assert!(!too_old(&[came(0, 7, 2, 0.0), came(900 * MS, 8, 2, 0.0)]));
 }
 
-/// A run with a hold, in which nothing has happened yet.
 fn run() -> Events {
     let mut events = Events::new(1);
     events.hold = true;
@@ -91,7 +90,6 @@ fn status(timestamp: u32) -> Vec<u8> {
     HoldStatus::seal(WriterOf::<ActiveLoad>::claim(), &HoldValues::absent(timestamp)).as_bytes().to_vec()
 }
 
-/// A whole frame on the air, of which `payload` is between LEN and CRC-16.
 fn frame(started: u64, payload: &[u8]) -> HoldFrame {
     let bytes = [&[payload.len() as u8 + 1], payload, &[0; 2]].concat();
     HoldFrame { started, bytes: Bytes(bytes), whole: true }
@@ -127,8 +125,6 @@ fn after_its_start_the_dpr_takes_an_object_that_it_had_before() {
     assert_eq!(after(false), [Violation::HoldShown, Violation::HoldAnswer], "a repetition");
 }
 
-/// Returns the violations of an exchange whose frame has bit 3 of byte `damaged` inverted at the DPR's antenna, and
-/// whose object the DPR shows as it was sent.
 fn shown_from_damaged(damaged: usize) -> Vec<Violation> {
     let mut events = run();
     let mut heard = frame(200 * MS, &status(200));
@@ -192,7 +188,6 @@ fn uplink(writer: usize, timestamp: u32) -> Vec<u8> {
     object.as_bytes().to_vec()
 }
 
-/// Adds a transaction at `at` that writes an uplink, and that the DPR serves or not.
 fn write(events: &mut Events, at: u64, object: &[u8], served: bool) {
     let mosi = [&[0; 8], object].concat();
     let miso = vec![if served { 0 } else { 0xFF }; mosi.len()];

@@ -20,7 +20,6 @@ fn command(timestamp: u32, command: Command) -> Vec<u8> {
     CommandObject::seal(Writer::<FlightController>::claim(), timestamp, command).as_bytes().to_vec()
 }
 
-/// The Port-Status and uplinks that an image shows.
 #[derive(Clone, Default)]
 struct Shown {
     values: PortValues,
@@ -68,7 +67,6 @@ fn broken(log: &crate::Log) -> Vec<(Violation, u64)> {
     found.into_iter().map(|(violation, count, _)| (violation, count)).collect()
 }
 
-/// Returns the instant, ns, at which the transaction ends that writes an object at `at`.
 fn ends(at: u64) -> u64 {
     (at - MS) / READS * READS + MS + MS / 2
 }
@@ -324,7 +322,6 @@ fn insert(log: &mut crate::Log, at: u64, what: What) {
     log.events.insert(place, Event { at, what });
 }
 
-/// Returns the bytes that the transaction read whose chip select fell at `at`.
 fn miso(log: &mut crate::Log, at: u64) -> &mut Vec<u8> {
     let mut read = log.events.iter_mut().filter_map(|event| match &mut event.what {
         What::Transaction { selected, miso, .. } if *selected == at => Some(&mut miso.0),
@@ -333,7 +330,6 @@ fn miso(log: &mut crate::Log, at: u64) -> &mut Vec<u8> {
     read.next().expect("a transaction")
 }
 
-/// Returns a log in which one uplink is written at [`AT`], and which images show from `from` on.
 fn uplink_shown_from(from: u64) -> crate::Log {
     log(&[(AT, uplink(1_000, 7))], |published| {
         let mut shown = Shown::default();
@@ -490,7 +486,6 @@ fn a_map_without_a_timely_rise_of_fresh_is_not_judged() {
     }
 }
 
-/// Returns the log of [`uplink_shown_from`], in which FRESH rises once more at the end of the uplink's transaction.
 fn ends_as_fresh_rises(from: u64) -> crate::Log {
     let mut log = uplink_shown_from(from);
     for event in log.events.iter_mut().filter(|event| event.at == 100 * MS) {
@@ -584,7 +579,6 @@ fn the_limits_of_an_uplinks_age() {
     assert!(shows(&Place::Unknown, (true, 7), Some(&bytes), PUBLISHED));
 }
 
-/// Returns whether Port-Status may have these values after the DPR has received the objects `sent` since its start.
 fn may(sent: &[Vec<u8>], change: impl FnOnce(&mut PortValues)) -> bool {
     let map_len = Layout::for_receivers(3).unwrap().map_len();
     let models = sent.iter().fold(vec![Model::at_start()], |models, mosi| step(&models, mosi, 0, map_len));
@@ -593,7 +587,6 @@ fn may(sent: &[Vec<u8>], change: impl FnOnce(&mut PortValues)) -> bool {
     models.iter().any(|model| model.fits(&values, 0))
 }
 
-/// Returns the MOSI bytes of a transaction that writes this object and requests nothing.
 fn writing(object: &[u8]) -> Vec<u8> {
     [&[0; 8], object].concat()
 }

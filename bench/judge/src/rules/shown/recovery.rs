@@ -17,7 +17,7 @@
 
 use crate::{Event, Findings, Violation, What, bounds};
 
-/// The length, ns, of the end of a run in which disturbances are not measured: longer than any recovery takes.
+/// Disturbances that end in this last part of a run, ns, are not measured, because a recovery may take as long.
 const TAIL: u64 = 400_000_000;
 
 /// Several disturbances that count as one, because the link did not recover between them.
@@ -29,7 +29,7 @@ struct Causes {
     due: u64,
     /// Whether a front end must be brought up again after one of the disturbances.
     bring_up: bool,
-    /// The number of explaining violations when the first disturbance began.
+    /// The number of violations that explain a late recovery, at the beginning of the first disturbance.
     told: u64,
 }
 
@@ -106,7 +106,6 @@ impl Recovery {
         causes.bring_up |= bring_up;
     }
 
-    /// Returns whether a disturbance has not ended yet.
     fn is_open(&self) -> bool {
         self.off.contains(&true) || self.hung.contains(&true)
     }

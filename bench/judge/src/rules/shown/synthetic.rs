@@ -235,7 +235,6 @@ impl Run {
         kinds(&self.verdict(edit))
     }
 
-    /// Asserts that there is no violation, and returns the verdict.
     pub(crate) fn assert_flawless(&self) -> Verdict {
         let verdict = self.verdict(|_| {});
         let words: Vec<String> =

@@ -5,8 +5,6 @@ use super::*;
 use crate::Board;
 use crate::testing::COMMAND;
 
-/// Returns the violations if the line of GPS1 is disturbed during burst `number`, and HORUS uses the burst or not
-/// (`taken`).
 fn disturbed(number: usize, taken: bool) -> Vec<(Violation, u64)> {
     let mut scene = Scene::new(1);
     scene.receivers[0][number].clean = false;
@@ -122,7 +120,6 @@ fn horus_may_drop_a_message_from_before_its_first_tick() {
     assert_eq!(nothing(&scene)[0].0, Violation::StatusWrong);
 }
 
-/// Returns the violations if GPS1 sends until 545 ms, HORUS restarts, and its ticks come from 600 ms on.
 fn restarted(power: bool, remembers: bool) -> Vec<(Violation, u64)> {
     let mut scene = Scene::new(1);
     scene.receivers[0].truncate(6);

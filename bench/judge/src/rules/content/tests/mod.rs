@@ -64,12 +64,10 @@ impl Burst {
         pvt.chain(self.att.iter().flat_map(NavAtt::encode)).chain(self.ins.iter().flat_map(EsfIns::encode)).collect()
     }
 
-    /// Returns the instant, ns, at which the burst has arrived.
     fn arrived(&self) -> u64 {
         self.at + self.bytes().len() as u64 * BYTE_NS
     }
 
-    /// Returns the values of a GPS object of this timestamp that shows this burst.
     fn values(&self, timestamp: u32) -> GpsValues {
         let mut values = GpsValues::absent(timestamp);
         let age = tick(u64::from(timestamp / CYCLE_MS)).saturating_sub(self.arrived());
@@ -264,7 +262,6 @@ fn voted(gps: &[GpsValues]) -> ReportedValues {
     }
 }
 
-/// Returns the median of the values, or the mean of the middle two; `None` without values.
 fn middle(mut values: Vec<f64>) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     let (low, high) = (values.len().checked_sub(1)? / 2, values.len() / 2);

@@ -12,7 +12,6 @@ fn read(pieces: &[(u64, &[u8], bool)]) -> Vec<(u64, u64, bool)> {
     found.into_iter().map(|Message { begun, arrived, sure, .. }| (begun, arrived, sure)).collect()
 }
 
-/// Returns a message of `bytes` bytes of a kind that HORUS does not read.
 fn message(bytes: usize) -> Vec<u8> {
     frame(CLASS_NAV, 0x35, &vec![7; bytes - 8])
 }

@@ -63,7 +63,6 @@ fn a_receiver_that_falls_silent_takes_its_validity_along() {
     }
 }
 
-/// Returns the violations if `change` changes GPS1 when the last burst, number 5, is `age` ms old.
 fn at_age(age: u64, change: impl Fn(&mut GpsValues, &Burst)) -> Vec<(Violation, u64)> {
     let scene = silent_after(5, 100);
     let last = &scene.receivers[0][5];

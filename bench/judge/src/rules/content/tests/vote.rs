@@ -33,7 +33,6 @@ fn strayed(gps: usize, bursts: std::ops::Range<usize>) -> Scene {
     scene
 }
 
-/// Returns the first cycle that shows burst `number` of GPS2.
 fn shows(scene: &Scene, number: usize) -> u64 {
     let burst = &scene.receivers[1][number];
     cycle_after(&Burst { att: None, ins: None, ..burst.clone() }, 0).max(cycle_after(burst, MS))
@@ -43,8 +42,6 @@ fn excluded(scene: &Scene, cycles: std::ops::Range<u64>) -> Vec<(Violation, u64)
     scene.said(|cycle, _, gps| gps[1].status = gps[1].status.with_excluded(cycles.contains(&cycle)))
 }
 
-/// Returns the violations if HORUS excludes these receivers one cycle after all receivers are valid, when the vote
-/// first has a result.
 fn without(scene: &Scene, receivers: &[usize]) -> Vec<Violation> {
     let mut before = false;
     let said = scene.said(|_, reported, gps| {
@@ -61,7 +58,6 @@ fn without(scene: &Scene, receivers: &[usize]) -> Vec<Violation> {
     said.into_iter().map(|(violation, _)| violation).collect()
 }
 
-/// Returns the violations if Reported-Position is the vote of `members` and no receiver is excluded.
 fn of_members(scene: &Scene, members: &[usize]) -> Vec<Violation> {
     let mut before = false;
     let said = scene.said(|_, reported, gps| {
@@ -616,7 +612,6 @@ fn jumping(gps: usize, bursts: std::ops::Range<usize>, north: f64, up: f64) -> S
     scene
 }
 
-/// Removes the voted position from Reported-Position, but leaves HORUS's state as it is.
 fn withhold(reported: &mut ReportedValues) {
     let state = reported.status.state().unwrap();
     *reported = ReportedValues::absent(reported.timestamp);
@@ -631,7 +626,6 @@ fn withheld(scene: &Scene, cycles: std::ops::Range<u64>) -> Vec<(Violation, u64)
     })
 }
 
-/// Returns the first cycle in whose vote HORUS uses burst `number` of GPS1.
 fn voted_from(scene: &Scene, number: usize) -> u64 {
     cycle_after(&scene.receivers[0][number], MS)
 }

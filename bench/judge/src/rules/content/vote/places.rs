@@ -14,7 +14,6 @@ use crate::bounds;
 /// The distance, m, beyond which two receivers are compared on the ellipsoid and not in a tangent plane.
 const PLANE: f64 = 10_000.0;
 
-/// A range from a least to a greatest value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Range {
     pub(super) least: f64,
@@ -38,7 +37,6 @@ impl Range {
         Self { least: self.least - other.most, most: self.most - other.least }
     }
 
-    /// Returns the range of the absolute values.
     pub(super) fn magnitude(self) -> Self {
         let (least, most) = (self.least.abs(), self.most.abs());
         let inside = if self.least <= 0.0 && self.most >= 0.0 { 0.0 } else { least.min(most) };
@@ -108,7 +106,6 @@ impl Place {
         lags.collect::<Option<Vec<_>>>()?.into_iter().reduce(Range::hull)
     }
 
-    /// Returns whether the receiver's movement since its position was measured is known.
     pub(super) fn is_known(&self) -> bool {
         !self.0.is_empty() && self.0.iter().all(|version| version.held.is_some())
     }

@@ -3,8 +3,8 @@ use super::*;
 /// The time, ns, from the beginning of a hang until the watchdog bites.
 const BITES: u64 = 83 * MS;
 
-/// Returns a run in which HORUS's core stops at `at` until the watchdog restarts HORUS. Meanwhile TICK goes on, since
-/// the timer makes it, and the frame on the air breaks off. If `told`, the log has an event that states the hang.
+/// Returns a run in which HORUS's core stops at `at` and its watchdog restarts HORUS later. TICK continues, because a
+/// timer drives it. `told` adds an event that states the hang.
 fn hung(gps: usize, at: u64, told: Option<u64>) -> Events {
     let mut events = Events::flawless(gps, CYCLES);
     for event in &mut events.events {

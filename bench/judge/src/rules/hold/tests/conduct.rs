@@ -5,7 +5,6 @@ use super::*;
 const BASE: WriterOf<BaseStation> = WriterOf::claim();
 const FLIGHT: WriterOf<FlightController> = WriterOf::claim();
 
-/// Adds a Hold-Status with these values that the hold has sent at `at`.
 fn sends(events: &mut Events, at: u64, values: &HoldValues) {
     let object = HoldStatus::seal(WriterOf::<ActiveLoad>::claim(), values);
     events.add(at, What::Hold(HoldEvent::Sent(frame(at - MS, object.as_bytes()))));

@@ -13,12 +13,10 @@ fn stopped(n: usize, at: u64) -> Run {
     }
 }
 
-/// Returns an edit that removes the images of 80 ms from `at` on, so that the last image expires.
 fn silent(at: u64) -> impl Fn(&mut Vec<Image>) {
     move |images| images.retain(|image| image.at <= at || image.at >= at + 80 * MS)
 }
 
-/// Adds the event that the bench stopped the DPR's core at `at`.
 fn told(mut run: Run, at: u64) -> Run {
     run.extra.push(Event { at, what: What::Hung { board: Board::Dpr } });
     run

@@ -6,7 +6,6 @@ use crate::disturbance::Memory;
 use crate::testing::{DPR_FRONT_END, HORUS_FRONT_END, injected};
 use crate::{Board, Disturbance, Event, Violation, What, judge};
 
-/// The numbers of receivers with which the rule `shown` is tested.
 const RECEIVERS: [usize; 3] = [1, 3, 5];
 
 #[test]
