@@ -41,7 +41,7 @@ const SSI: [u32; 2] = [16 + 4, 16 + 26];
 /// The values of BASEPRI that mask priority 6 (the SSI) and priority 5 (the RFID side), in the three upper bits.
 const MASKS: [u32; 2] = [0x40, 0x60];
 
-/// What the DPR's processor did during the examination.
+/// The observations of the DPR's processor during the examination.
 struct Watched<C: Cost> {
     /// The instant (ns) at which an exception began or continued to run, and its number; 0 stands for the idle loop and
     /// for sleep.

@@ -15,7 +15,7 @@ use crate::size::{Footprint, footprint};
 use crate::workspace::root;
 use crate::{Board, Cli, Command, Receivers, firmware, sim, timing};
 
-/// The lines of a report that README shows, by their beginnings.
+/// The beginnings of the report's lines that README shows.
 const SAMPLE: [&str; 10] = [
     "HORUS ",
     "air ",
@@ -116,7 +116,7 @@ const ONE_FRAME: Row = ("sample to readable, 99.9 %, as a multiple of the air ti
     or_none(readable.map(|found| format!("{:.3}", found.p999 as f64 / it.air.air_time_ns as f64)))
 });
 
-/// The rows of figures for which transactions must meet HORUS's frames in all phases.
+/// The figures whose worst cases need transactions in all phases relative to HORUS's frames.
 const MEETING: [Row; 2] = [
     ("last bit to readable, worst, µs", |it| {
         or_none(it.latency_ns.last_bit_to_readable.map(|it| thousandths(it.max)))

@@ -1,9 +1,9 @@
 //! The layout of all objects: a description in JSON, a Kaitai Struct file, the Python package's module, a dissector for
 //! Wireshark, and the tables of docs/design.md.
 //!
-//! All of these are made from the measurements of `header::objects` and the names of `header::status`, so that a new
-//! field or bit in Rust is in all of them. Only the JSON Schema, `python/horus_profile/layout.schema.json`, is written
-//! by hand.
+//! These files and tables are made from the measurements of `header::objects` and the names of `header::status`, so
+//! that a new field or bit in the Rust code is in all of them. Only the JSON Schema,
+//! `python/horus_profile/layout.schema.json`, is written by hand.
 
 mod json;
 mod kaitai;

@@ -52,7 +52,7 @@ const COMPONENT: u8 = 1;
 
 const RATES: Rates = Rates { bytes_per_s: 6_000, period_us: 100_000, standard_us: 0 };
 
-/// The length of a step of the run, virtual ns, after which the run can end.
+/// The length of a step of the run, virtual ns. The run can end only between steps.
 const PIECE: u64 = bench::panel::PIECE_NS;
 
 /// The greatest time by which a run may be behind real time: a period of the forwarder, or a quarter of the age from

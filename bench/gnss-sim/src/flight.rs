@@ -298,7 +298,7 @@ impl Flight {
     }
 }
 
-/// The values at one instant that follow from the plans without an integral.
+/// The parts of a flight's state at one instant that follow from the plans directly, without an integral over time.
 struct Pose {
     /// The course as a continuous angle, which may exceed ±π.
     course: f64,

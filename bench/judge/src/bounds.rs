@@ -315,7 +315,7 @@ pub const SELF_TEST: u64 = 5_000_000_000;
 pub const FLASH_PASS_LONGEST: u64 = 9_000_000_000;
 /// The shortest time that a pass over the DPR's flash takes: the pass of a self-test with a program of 16 KiB.
 pub const FLASH_PASS_SHORTEST: u64 = 400_000_000;
-/// How much older than Link-Status, ms, Port-Status of the same image may be.
+/// The greatest difference in age, ms, between Link-Status and an older Port-Status of the same image.
 pub const PORT_BEFORE_LINK_MS: u32 = 25;
 /// The causes of a safe state, as the DPR's firmware codes them (`firmware_common::last_stop`).
 pub const STOP_CAUSES: std::ops::RangeInclusive<u32> = 1..=15;

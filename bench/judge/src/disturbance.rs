@@ -1,4 +1,4 @@
-//! What the bench disturbs on purpose, and everything that the judge excuses because of it.
+//! The disturbances that the bench makes on purpose, and the violations that the judge excuses because of them.
 //!
 //! A [`Disturbance`] states what the bench disturbs. The log states when the disturbance begins and when its cause goes
 //! away ([`crate::What::Injected`]). `Disturbance::takes` is the table of what each disturbance excuses ([`Excuse`]),
@@ -241,7 +241,7 @@ pub enum Excuse {
     DprComplaints,
 }
 
-/// When an excuse ends, after which the judge reports its violation again.
+/// The end of an excuse, after which the judge reports the excused violation again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum End {
     /// The excuse ends this many ns after the cause has gone, or earlier at the disturbed board's next start.
@@ -434,7 +434,7 @@ struct Valid {
 
 const EXCUSES: usize = Excuse::DprComplaints as usize + 1;
 
-/// What the judge excuses at present; see the [module](self).
+/// The violations that the judge excuses at present; see the [module](self).
 #[derive(Clone, Debug, Default)]
 pub struct Disturbances {
     valid: Vec<Valid>,

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Disturbance, HoldEvent};
 
-/// What is known of a run before its first event.
+/// The settings of a run, which an event log states before its first event.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Header {
     /// The version of the log's format: [`Header::VERSION`].

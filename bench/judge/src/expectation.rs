@@ -81,7 +81,7 @@ impl Delivery {
     }
 }
 
-/// How a cycle follows the cycles before it.
+/// The relation of a cycle to the cycles before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
     First,

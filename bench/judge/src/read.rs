@@ -15,7 +15,7 @@ pub enum Values {
     Gps(GpsValues),
 }
 
-/// What was found at an object's offset in a frame or an image.
+/// The result of the check of an object's place in a frame or an image.
 #[derive(Clone, Debug, PartialEq)]
 pub enum State {
     /// The bytes are an intact object, and it is the object that belongs there.
@@ -194,7 +194,7 @@ impl Window {
     }
 }
 
-/// What the first bytes of a transaction request (docs/design.md#ssi).
+/// The request in the first bytes of a transaction (docs/design.md#ssi).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Asked {
     /// The flight controller sends idle bytes, which request nothing.

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::danger::is_dangerous;
 
-/// What one transaction of the flight controller brought.
+/// The result of a transaction of the flight controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reading {
     /// The instant at which the transaction ended, virtual ns.

@@ -1,4 +1,4 @@
-//! What determines the trials of a campaign.
+//! The settings that determine the trials of a campaign.
 
 use std::fmt;
 

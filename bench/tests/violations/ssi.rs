@@ -54,7 +54,7 @@ table! {
         ..Row::new(Violation::NeverReady, || {
             let sealed = ImageFault::Patch { address: 0, bytes: vec![], sealed: true };
             let dead = |task: &str| Fault::Image(Board::Dpr, ImageFault::Dead(task.into()));
-            // Either of the two tasks would publish an image.
+            // Both tasks are dead, because either of them would publish an image.
             let both = Faults::none().with(0, u64::MAX, dead(COMMIT)).with(0, u64::MAX, dead(DEADLINE));
             both.with(0, u64::MAX, Fault::Image(Board::Dpr, sealed))
         })

@@ -16,7 +16,7 @@ const DPR_RUN: u64 = 200 * MS;
 const HASTY: std::ops::Range<u64> = 110 * MS..120 * MS;
 const READ_EVERY: u64 = 2 * MS;
 
-/// What was observed of the DPR from outside during a run.
+/// The observations of the DPR from outside during a run.
 #[derive(Clone, Debug, Default)]
 struct Shows {
     silent: usize,

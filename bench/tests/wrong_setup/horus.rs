@@ -4,7 +4,7 @@ use super::*;
 
 const HORUS_RUN: u64 = RAM_TEST + 250 * MS;
 
-/// What was observed of HORUS from outside during a run.
+/// The observations of HORUS from outside during a run.
 #[derive(Clone, Debug, Default)]
 struct Sends {
     frames: Vec<u64>,

@@ -25,9 +25,9 @@ pub enum Request {
     State {
         /// The drone that the page shows; empty for the first one.
         drone: String,
-        /// Whether the answer has the list of all drones.
+        /// Whether the answer must contain the list of all drones.
         list: bool,
-        /// Whether the answer has the last minutes.
+        /// Whether the answer must contain the history of the last minutes.
         history: bool,
         /// The time since the flight's end, ms.
         after_ms: u64,

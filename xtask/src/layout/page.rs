@@ -70,7 +70,7 @@ fn named<'a>(number: &str, rows: impl IntoIterator<Item = (String, &'a str, &'a 
     })
 }
 
-/// Returns units as this page writes them; the comments of the C header are in ASCII.
+/// Returns the text with the symbols that this page uses for units; the comments of the C header are in ASCII.
 fn symbols(text: &str) -> String {
     let text = text.replace("over all before", "over all bytes before");
     text.replace("m/s2", "m/s²").replace("100 us", "100 µs").replace("degrees Celsius", "°C")

@@ -128,7 +128,7 @@ pub struct Hold {
     /// The last frame that the DPR is known to have accepted since its start, because it answered or showed the frame:
     /// its instant (ns) and the timestamp of its object.
     accepted: Option<(u64, u32)>,
-    /// What the flight controller wrote in the last two seconds.
+    /// The objects that the flight controller wrote in the last two seconds.
     written: VecDeque<Written>,
     writers: [Writer; 2],
     /// The last Hold-Status before a restart of the hold, with which its first one after the restart must agree.

@@ -121,7 +121,8 @@ pub struct Receivers {
     attended: bool,
     heard: Vec<SentByte>,
     read: Vec<ReadBytes>,
-    /// What the microcontroller did against a receiver's data sheet: the first of each kind, with its instant, ns.
+    /// The first misuse of each kind of a receiver by the microcontroller, against the data sheet, with its instant,
+    /// ns.
     misuses: Vec<(u64, String)>,
     told: Vec<(usize, &'static str)>,
     next: u64,

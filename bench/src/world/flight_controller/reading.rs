@@ -7,9 +7,9 @@ use profile::{Layout, LinkValues, Rejection};
 /// The result of a transaction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Outcome {
-    /// Everything that was read is intact: the whole image, with a profile that is not the one forwarded last.
+    /// The transaction read the whole image, no object is damaged, and the profile is not the one forwarded last.
     Fresh,
-    /// Everything that was read is intact, but there is no profile, or only the one that was forwarded last.
+    /// No object that was read is damaged, but there is no profile, or only the one that was forwarded last.
     Repeated,
     /// Every byte is 0xFF: the DPR was busy.
     Busy,

@@ -87,7 +87,7 @@ struct Returning {
     did_not: Option<u64>,
 }
 
-/// What the judge knows of HORUS's votes so far, which it needs for the next cycle.
+/// The judge's knowledge of HORUS's votes so far, with which it judges the next cycle.
 #[derive(Clone, Debug)]
 pub(super) struct Vote {
     receivers: usize,
