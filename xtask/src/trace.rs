@@ -35,7 +35,7 @@ const REQUIREMENTS: &str = "docs/safety/requirements.md";
 const MATRIX: &str = "docs/safety/trace.md";
 /// The defects.
 const DEFECTS: &str = "bench/tests/defects/table.rs";
-/// The weights of requirements in the table.
+/// The possible weights of a requirement in the table of requirements.
 const WEIGHTS: [&str; 3] = ["safety", "mission", "none"];
 
 #[derive(Args)]

@@ -111,7 +111,7 @@ table! {
     a_wrong_table_of_the_position_crc => {
         Row::new(Violation::SentInvalid, || image(poke("crc::POSITION_TABLE", &[0; 1024]), 45 * MS))
     };
-    // The count changes before the first tick; later HORUS compares it with its vote.
+    // HORUS's count of ticks changes before the first tick, because HORUS later compares the count with its vote.
     a_count_of_ticks_that_does_not_begin_with_zero => Row {
         also: Some(Violation::HorusComplains),
         ..Row::new(Violation::TimestampWrong, || Faults::none().with(

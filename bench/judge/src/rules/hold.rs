@@ -57,7 +57,7 @@ pub const STORED: (u64, u64) = (30 * MS, 900 * MS);
 /// The largest errors of temperature (°C), humidity (%) and supply (V) in Hold-Status: twice those of the sensor's data
 /// sheet, and the change between two measurements.
 pub const STATED: (f32, f32, f32) = (0.8, 5.0, 0.1);
-/// The report of a front end that begins to answer after the carrier went off.
+/// The report of a front end that begins to answer after the hold's carrier went off.
 const OVERTAKEN: &str = "transmission without a field";
 /// The supply of the bench's hold, V.
 const SUPPLY: f32 = 3.0;
