@@ -57,7 +57,7 @@ const BIAS_TIME: f64 = 60.0;
 pub struct Burst {
     /// The instant at which the start bit of the first byte begins, ns after reset.
     pub at_ns: u64,
-    /// The bytes; none if no message is configured for a solution.
+    /// The bytes of the burst; empty if the receiver is configured to send no message with this solution.
     pub bytes: Vec<u8>,
 }
 
@@ -429,7 +429,8 @@ impl Generated {
     /// Derives the output from the configuration for the time from `at_ns` (ns after reset) on.
     fn follow_configuration(&mut self, at_ns: u64) {
         self.output = self.configuration.output();
-        // The clock's error is at most 1 ms, which is added so that the next epoch lies after `at_ns`.
+        // The receiver's clock may be wrong by up to 1 ms. One more millisecond therefore makes the next epoch later
+        // than `at_ns`.
         let period_ns = u64::from(self.output.period_ms) * 1_000_000;
         self.epoch = (self.reset_ns + at_ns + 1_000_000).div_ceil(period_ns);
     }

@@ -7,8 +7,8 @@ pub const TICK_TO_COMMAND_JITTER: u64 = 100;
 pub const TICK_TO_COMMAND_JITTER_PESSIMISTIC: u64 = 1_000;
 /// The largest spread, peak to peak, of the time from a HORUS tick to the first bit on air (docs/design.md#timing).
 pub const TICK_TO_AIR_JITTER: u64 = 3_000;
-/// The longest time from a frame's last bit until its image is readable. It holds if the listener reads its FIFO during
-/// the frame: docs/design.md#timing.
+/// The longest time from a frame's last bit until its image is readable, for a DPR that reads the frame from the front
+/// end while it arrives: docs/design.md#timing.
 pub const LAST_BIT_TO_READABLE: u64 = 100_000;
 /// The longest time from the end of an SSI transaction until the DPR is ready for the next one: docs/design.md#timing.
 pub const SSI_READY: u64 = 10_000;
@@ -44,7 +44,7 @@ pub const START: u64 = 100_000_000;
 pub const TICK_TOLERANCE: u64 = 210_000;
 /// The largest spread, peak to peak, of the time between two ticks while HORUS runs without a restart.
 pub const TICK_WIDTH: u64 = 1_000;
-/// How long after a tick the next tick must come, or else the judge reports it as missing.
+/// The longest time from one tick of HORUS to the next. The judge reports a later tick as missing.
 pub const TICK_MISSING: u64 = CYCLE + CYCLE / 2;
 /// The longest time from a transmit command to the first preamble bit. In recordings the front end takes 3 to 5 µs; its
 /// data sheet states no bound.
@@ -72,8 +72,8 @@ pub const WATCHDOG_FED: u64 = 40_000_000;
 /// The longest time that the DPR's watchdog takes to bite: 100 ms of an RC oscillator of 32.768 kHz that may be off by
 /// 2 % (nRF52840 PS 5.4). Another 2 % is allowed, because chips were seen that barely keep the specified 2 %.
 pub const DPR_WATCHDOG_LONGEST: u64 = 104_000_000;
-/// For HORUS and for the DPR, how long the watchdog may still be fed after a task has died, because the task may have
-/// checked in just before.
+/// The longest time for which HORUS's and the DPR's watchdog may still be fed after a task has died, ns. The task may
+/// have checked in just before its death.
 ///
 /// Every task of HORUS checks in once a cycle. The DPR's SSI task may check in only at the end of a transaction
 /// (`dpr_fw::ssi`), which a flight controller may delay until the watchdog bites.
@@ -100,13 +100,13 @@ pub const SHORTEST_PERIOD_MS: u32 = 20;
 /// them or from the end of a fault of the bus. A position is not valid for much longer than this time, the longest
 /// period of a receiver (docs/design.md#validity).
 pub const READ_WITHIN: u64 = 1_000_000_000;
-/// How long bytes wait in a receiver on a bus before they count as old. HORUS may drop old bytes, and what it reads
-/// within [`READ_SETTLED`] after them. HORUS may leave out one of its reads, which come once a cycle.
+/// The longest time for which HORUS must use bytes that wait in a receiver on a bus. HORUS may drop bytes that have
+/// waited longer, and what it reads within [`READ_SETTLED`] after them.
 pub const NEWS: u64 = 25_000_000;
-/// How long HORUS may drop what it reads from a receiver on a bus, counted from a read of old bytes ([`NEWS`]) or from
-/// a failure of the bus. In this time HORUS finds out which bytes are new.
+/// The time in which HORUS may drop all bytes from a receiver on a bus, after a failure of the bus or after bytes that
+/// waited too long ([`NEWS`]).
 pub const READ_SETTLED: u64 = 100_000_000;
-/// The longest time that bytes may have waited in a receiver on a bus if HORUS uses them.
+/// The longest time that bytes wait in a receiver on a bus before HORUS must drop them.
 pub const TOO_OLD: u64 = 50_000_000;
 /// The number of bytes that HORUS reads from a receiver in one cycle (decision 16). HORUS leaves further bytes for its
 /// next cycle and may drop them.
@@ -125,16 +125,16 @@ pub const SETTINGS_TOLD: u64 = 5_000_000_000;
 /// To have a valid position, HORUS sends the receivers their settings, waits for the slowest receiver's solution, and
 /// holds a jump of the position back.
 pub const POSITION_WITHIN: u64 = SETTINGS_TOLD + READ_WITHIN + HELD_BACK;
-/// How long after a receiver's fault HORUS may send objects without that receiver's position, or call the receiver
-/// excluded.
+/// The time after a receiver's fault in which HORUS may leave out the receiver's position or exclude the receiver from
+/// the vote.
 pub const POSITION_SETTLED: u64 = SETTINGS_TOLD + RETURNED;
 /// The greatest age of a position that is shown as valid. A solution arrives up to [`BEFORE_ARRIVAL`] and
 /// [`BEFORE_ARRIVAL_SPREAD`] after its epoch, and is then valid for its period and [`VALID_BEYOND_PERIOD`]
 /// (docs/design.md#validity).
 pub const POSITION_OLDEST: u64 =
     LONGEST_PERIOD_MS as u64 * 1_000_000 + VALID_BEYOND_PERIOD + BEFORE_ARRIVAL + BEFORE_ARRIVAL_SPREAD;
-/// The largest error of a valid position, horizontal and vertical, m. Either limit is five times the error that the
-/// worst receiver exceeds in one of 68 solutions.
+/// The largest error of a valid position, horizontal and vertical, m. Each is five times the error that one in 68
+/// solutions of the worst receiver exceeds.
 pub const POSITION_OFF_M: [f64; 2] = [10.0, 20.0];
 
 /// The step, ns, in which a GPS object's status states the age of its solution: docs/design.md#status-words.
@@ -161,12 +161,10 @@ pub const WORST_ACCURACY_MM: [u32; 2] = [30_000, 50_000];
 pub const FASTEST_MM_S: u32 = 200_000;
 /// The heights above the ellipsoid at which a valid position may lie, mm.
 pub const ALTITUDE_MM: std::ops::RangeInclusive<i32> = -1_000_000..=20_000_000;
-/// The middle latency that HORUS assumes, ns: the time by which a position is older than its message, because a
-/// receiver needs time to compute and send it. HORUS assumes this value for the receiver with the middle latency in the
-/// vote (decision 15).
+/// The latency that HORUS assumes for a receiver: the time, ns, from the measurement of a position to the arrival of
+/// its message (decision 15).
 pub const BEFORE_ARRIVAL: u64 = 50_000_000;
-/// The greatest difference, ns, between a receiver's latency and the middle latency, [`BEFORE_ARRIVAL`]. For a greater
-/// difference HORUS assumes the middle latency.
+/// The greatest difference, ns, of a receiver's latency from [`BEFORE_ARRIVAL`] that HORUS takes into account.
 pub const BEFORE_ARRIVAL_SPREAD: u64 = 50_000_000;
 /// Two limits, m, on the distance between two receivers, each horizontal and vertical. Nearer than the first limit, two
 /// receivers agree whatever accuracies they state. Farther apart than the second, they disagree.
@@ -178,15 +176,14 @@ pub const AGREEMENT_SIGMAS: f64 = 3.0;
 pub const ATTITUDE_DEGREES: [f64; 3] = [5.0, 10.0, 5.0];
 /// The difference along each axis, m/s², up to which two accelerations agree.
 pub const ACCELERATION_M_S2: f64 = 2.0;
-/// How long the voted position must stay where it jumped to until HORUS must show it (docs/design.md#voting).
+/// The time after which HORUS must show a voted position that has jumped and then stays there (docs/design.md#voting).
 pub const HELD_BACK: u64 = RETURNED;
-/// How long the voted position must stay where it jumped to before HORUS may show it: one second less tolerances.
+/// The time for which HORUS must hold back a voted position that has jumped: one second less tolerances.
 pub const NOT_HELD_BACK: u64 = NOT_RETURNED;
-/// How much a receiver's stated accuracy (m) worsens while HORUS brings its position to the tick: by its speed (m/s)
-/// times this constant (s), and by half of [`UNCERTAIN_ACCELERATION`] times the square of the position's age.
+/// The voter adds this time, s, multiplied by the speed to a receiver's accuracy, and half of
+/// [`UNCERTAIN_ACCELERATION`] multiplied by the square of the position's age.
 pub const UNCERTAIN_SPEED_S: f64 = 0.05;
-/// The greatest acceleration of the aircraft that HORUS assumes since a receiver's message, m/s²: see
-/// [`UNCERTAIN_SPEED_S`].
+/// The greatest acceleration, m/s², that HORUS assumes for the aircraft since a receiver's message.
 pub const UNCERTAIN_ACCELERATION: f64 = 4.0;
 /// How long an excluded receiver must agree with the voted position until HORUS must readmit it to the vote. It is one
 /// second by the design, and longer because HORUS's clock may be off by 2 % and the judge may not know which messages
@@ -232,9 +229,8 @@ pub const STATION_SILENT: u64 = 1_000_000_000;
 
 /// The shortest silence of a line after which HORUS may discard an incomplete message; HORUS waits for 50 ms.
 pub const SILENCE_MAY_END: u64 = 45_000_000;
-/// The silence of a line after which HORUS must have discarded an incomplete message. HORUS checks every 10 ms whether
-/// the line has been silent for 50 ms. It then gives the parser 64 zeros at each of up to four checks, in all more than
-/// the longest message.
+/// The silence of a receiver's line after which HORUS must have discarded an incomplete message. HORUS detects 50 ms of
+/// silence at one of its checks every 10 ms. It then fills the message up with zeros, in up to four checks.
 pub const SILENCE_ENDS: u64 = 110_000_000;
 /// The longest pause between two transactions that the judge accepts: far longer than a control cycle.
 pub const NO_TRANSACTION: u64 = 100_000_000;
@@ -242,12 +238,13 @@ pub const NO_TRANSACTION: u64 = 100_000_000;
 pub const CUT_SHORT: u64 = 6_000_000;
 /// The number of transactions that the DPR serves at most between two images (`dpr_fw::ssi`).
 pub const SSI_BUDGET: u32 = 16;
-/// How long after a transaction the DPR may fail to detect the end of a further transaction, although it is ready
-/// (`dpr_fw::ssi`). The DPR waits 95 µs by a counter of µs, and needs processor time before and after.
+/// The pause of the DPR after a transaction, in which it may miss the end of another transaction (`dpr_fw::ssi`): 95 µs
+/// by its counter, and processor time before and after.
 pub const SSI_PAUSE: u64 = 100_000;
 /// The shortest time for which an image is readable: the DPR's clock is off by 2 % at most (docs/design.md#sequence).
 pub const EXPIRY_EARLIEST: u64 = EXPIRY - EXPIRY / 50;
-/// The longest time that a frame takes on the air. A frame that took longer was delayed or repeated.
+/// The greatest difference between the instants at which a frame leaves HORUS's antenna and reaches the DPR's. A frame
+/// with a greater difference was delayed or repeated.
 pub const AIR_DELAY: u64 = 1_000;
 /// The longest time from the forwarding of a profile to its arrival at the base station.
 pub const DOWNLINK: u64 = 100_000_000;
@@ -318,7 +315,7 @@ pub const SELF_TEST: u64 = 5_000_000_000;
 pub const FLASH_PASS_LONGEST: u64 = 9_000_000_000;
 /// The shortest time that a pass over the DPR's flash takes: the pass of a self-test with a program of 16 KiB.
 pub const FLASH_PASS_SHORTEST: u64 = 400_000_000;
-/// How much older than Link-Status, ms, Port-Status of the same image may be.
+/// The greatest difference in age, ms, between Link-Status and an older Port-Status of the same image.
 pub const PORT_BEFORE_LINK_MS: u32 = 25;
 /// The causes of a safe state, as the DPR's firmware codes them (`firmware_common::last_stop`).
 pub const STOP_CAUSES: std::ops::RangeInclusive<u32> = 1..=15;

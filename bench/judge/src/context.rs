@@ -8,7 +8,7 @@ use crate::read::{Frame, Reading, Window};
 use crate::truth::Truth;
 use crate::{Board, Disturbance, Disturbances, Event, Header, What};
 
-/// What is known of a board since its last start.
+/// The state of a board since its last start, as the log's events show it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Running {
     /// Whether the board has a supply.
@@ -51,7 +51,7 @@ pub struct Context {
     window: Window,
     frame: Option<Frame>,
     reading: Option<Reading>,
-    /// What HORUS put on the air. It is `None` only within [`Context::take`].
+    /// HORUS's frames, and the states that they require of the DPR; `None` only within [`Context::take`].
     air: Option<Box<Air>>,
 }
 

@@ -72,8 +72,7 @@ pub struct Delivery {
 }
 
 impl Delivery {
-    /// Returns whether this frame is the second frame of the cycle that `first` began, by its end and its intact
-    /// objects.
+    /// Returns whether this frame is the second frame of the cycle that the frame `first` began.
     #[must_use]
     pub fn completes(&self, first: &Self) -> bool {
         let same_cycle = self.timestamp.is_none_or(|timestamp| first.timestamp.is_none_or(|first| first == timestamp));
@@ -82,7 +81,7 @@ impl Delivery {
     }
 }
 
-/// How a cycle follows the cycles before it.
+/// The relation of a cycle to the cycles before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
     First,
@@ -191,7 +190,7 @@ impl State {
     }
 }
 
-/// How long after the last cycle the state still matters, ns: no later cycle can continue the sequence.
+/// The age, ns, from which on a cycle no longer matters, because no later cycle can continue its sequence.
 const FORGOTTEN: u64 = 300_000_000;
 
 /// All states that a correct DPR can be in after the frames that have reached its antenna.
@@ -283,8 +282,8 @@ impl Expectation {
         })
     }
 
-    /// Updates the states with a frame that has a timestamp. Returns two certainties for a DPR that received the frame:
-    /// whether it shows the cycle, and whether it takes the timestamp as a step back.
+    /// Updates the states with a frame that has a timestamp. Returns whether the DPR shows the frame's cycle, and
+    /// whether it detects a step back of the timestamp, if it received the frame.
     fn enter(
         &mut self,
         timestamp: u32,
@@ -385,14 +384,12 @@ mod tests {
             expectation.take(&event, &context);
             most = most.max(expectation.states.len());
         }
-        // The number of states stays bounded: any cycle of the last 300 ms may be the last received, at any step of the
-        // search.
+        // The number of possible states stays small, because only the cycles of the last 300 ms count.
         assert!((100..150).contains(&most), "{most}");
     }
 
     #[test]
     fn a_samples_age_at_its_last_bit_is_slot_plus_air_time() {
-        // For each number of receivers, the slots of its frames, µs, are those of `profile::air`.
         for (receivers, slots) in [(1, vec![70]), (2, vec![80]), (3, vec![100]), (5, vec![120, 4_130])] {
             let layout = Layout::for_receivers(receivers).unwrap();
             for (number, slot) in slots.into_iter().enumerate() {

@@ -28,8 +28,6 @@ fn a_read_spliced_from_two_images_is_torn() {
                 let objects = (0..plan.layout.objects()).map(|index| plan.layout.in_image(index).unwrap());
                 let places: Vec<_> = std::iter::once(0..32).chain(objects).collect();
                 let inside = places.iter().find(|place| place.contains(&at) && place.start < at);
-                // At the place where the bytes of two images are joined, an object may differ in one bit from one of
-                // the images.
                 let near = inside.is_some_and(|inside| {
                     [&now, &before].iter().any(|image| distance(&image[inside.clone()], &spliced[inside.clone()]) == 1)
                 });
@@ -39,7 +37,7 @@ fn a_read_spliced_from_two_images_is_torn() {
                 match found.as_slice() {
                     [(Torn, 1)] => {}
                     [(Damaged, 1)] => assert!(near, "{gps} {at}"),
-                    // The join lies where the two images are equal, so the bytes are those of one image.
+                    // Both images have the same bytes at this place, so that the result is one of them.
                     [] => assert!(whole(&now), "{gps} {at}"),
                     [(FreshNotNew, 1)] => assert!(whole(&before), "{gps} {at}"),
                     other => panic!("{gps} {at}: {other:?}"),

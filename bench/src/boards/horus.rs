@@ -23,7 +23,7 @@ const INPUT_PINS: [[Pin; 2]; INPUTS] =
 struct StateInput {
     /// The levels of the input's two pins. The first is high while the input is active.
     levels: (bool, bool),
-    /// If the contact chatters: the instant of the next change, and the time between two changes, ns.
+    /// The instant of the next change and the time between two changes, ns, while the input's contact chatters.
     chatters: Option<(u64, u64)>,
 }
 
@@ -72,7 +72,7 @@ impl Horus {
         }
     }
 
-    /// Makes state input `input` behave as `says` from `at` (ns) on; `None` makes the input inactive.
+    /// Begins a fault of state input `input` at `at` (ns); `None` makes the input inactive.
     pub fn set_input(&mut self, at: u64, input: usize, says: Option<InputFault>) {
         let Some(state) = self.inputs.get_mut(input) else { return };
         state.chatters = match says {
@@ -113,7 +113,7 @@ impl Board for Horus {
     fn pin(&mut self, at: u64, pin: Pin, pad: Pad) {
         if pin == TICK && pad.level() != self.tick {
             self.tick = pad.level();
-            // TICK is driven low at each tick. A reset only releases the pin, which is no tick.
+            // The firmware drives TICK low at each tick. A reset only releases the pin, which is no tick.
             if pad == Pad::Driven(false) {
                 self.ticks.push(at);
             }

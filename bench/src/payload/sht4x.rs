@@ -38,11 +38,11 @@ const fn measurement(command: u8) -> Option<(u64, f64, f64)> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
     Idle,
-    /// The sensor has acknowledged that it is addressed for a write, and waits for the command.
+    /// The sensor was addressed for a write and waits for the command.
     Command,
     /// The controller addressed the general call.
     GeneralCall,
-    /// The controller reads. The number is the index of the next byte to send.
+    /// The sensor was addressed for a read. The number is the index of the next byte to send.
     Read(usize),
 }
 
@@ -115,14 +115,14 @@ impl Sht4x {
         }
     }
 
-    /// Ends a transfer. A result that was read is gone.
+    /// Ends a transfer. A result that the controller has read is discarded.
     fn close(&mut self) {
         if let State::Read(_) = std::mem::replace(&mut self.state, State::Idle) {
             self.data = None;
         }
     }
 
-    /// Begins to carry out `command`. Returns whether the sensor knows the command.
+    /// Carries out `command`. Returns whether the sensor has such a command.
     fn obey(&mut self, at: u64, command: u8, air: impl FnOnce() -> Air) -> bool {
         match command {
             0x89 => {

@@ -158,7 +158,7 @@ fn ground_track(area: &Panel<'_>, receivers: usize, cycles: &[Drawn]) -> Result<
     let all = || cycles.iter().flat_map(|cycle| cycle.said.iter().take(1).flatten().chain(&cycle.truth));
     let north = range(all().map(|place| place[0]), LEAST_M);
     let east = range(all().map(|place| place[1]), LEAST_M);
-    // Both axes must have the same scale. The chart has about this width and height.
+    // Both axes get the same scale for a chart of about this size.
     let (width, height) = (f64::from(WIDTH) - 86.0, f64::from(TRACK_HEIGHT) - 86.0);
     let metres = ((north.end - north.start) / height).max((east.end - east.start) / width);
     let around = |range: &Range<f64>, pixels: f64| {
@@ -229,8 +229,7 @@ fn excluded(cycles: &[Drawn], receiver: usize) -> Vec<Range<f64>> {
     spans
 }
 
-/// Draws the time from sample to readable. Of several cycles in one point the longest time is drawn, so that no long
-/// time is hidden.
+/// Draws the time from sample to readable. A point that stands for several cycles has the longest of their times.
 fn readable(area: &Panel<'_>, cycles: &[Drawn]) -> Result<(), Error> {
     let x = range(cycles.iter().map(|cycle| cycle.seconds), 0.1);
     let group = cycles.len().div_ceil(MOST_POINTS).max(1);

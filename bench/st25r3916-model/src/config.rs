@@ -46,7 +46,7 @@ pub struct Config {
     pub target_rearms_by_command: bool,
     /// The effect of a received frame that breaks off.
     pub broken_frame: BrokenFrame,
-    /// Whether a frame is received although the receive chain (registers 0B to 0E, B0C, B0D) cannot pass its
+    /// Whether a frame is received although the receive chain (registers 0B to 0E, B0C, B0D) is unsuitable for its
     /// technology. The unsuitable setting is a finding in either case.
     pub unsuited_chain_receives: bool,
 

@@ -16,7 +16,7 @@ const DPR_RUN: u64 = 200 * MS;
 const HASTY: std::ops::Range<u64> = 110 * MS..120 * MS;
 const READ_EVERY: u64 = 2 * MS;
 
-/// What was observed of the DPR from outside during a run.
+/// The observations of the DPR from outside during a run.
 #[derive(Clone, Debug, Default)]
 struct Shows {
     silent: usize,
@@ -124,7 +124,6 @@ fn deaf_for(seen: &Shows, reason: &str) -> bool {
         && seen.restarts.is_empty()
 }
 
-/// Returns whether frames are received and published, but no intact Link-Status is read.
 fn mute(seen: &Shows) -> bool {
     seen.received == 8 && seen.fresh.0 >= 10 && seen.intact == 0 && seen.valid == 0 && seen.restarts.is_empty()
 }
@@ -281,7 +280,6 @@ const DPR_ROWS: &[Row<Shows>] = &[
     }),
 ];
 
-/// Returns whether the watchdog restarts the DPR every 100 ms and nothing else does.
 fn restarts_by_watchdog(seen: &Shows) -> bool {
     seen.restarts == [Reset::Watchdog("WDT"); 2]
 }
@@ -292,7 +290,6 @@ fn publishes_late(seen: &Shows) -> bool {
     seen.received == 8 && seen.publish_us > 1_000
 }
 
-/// Returns whether images are published, but few of them can be read.
 fn rarely_shows(seen: &Shows) -> bool {
     seen.received == 8 && seen.silent > 60 && seen.valid < 10
 }

@@ -25,17 +25,14 @@ use profile::{GpsObject, Identifier, ReportedPosition};
 use reader::{MS, View, field_on, payload, send, view};
 use st25r3916_model::AirEvent;
 
-/// Returns a change that sets the bits of `mask` to `value` in every store to `address`.
 const fn bits(address: u32, mask: u32, value: u32) -> Change {
     Change { address, to: To::Bits { mask, value } }
 }
 
-/// Returns a change that replaces `of` by `value` in stores to `address`.
 const fn instead(address: u32, of: u32, value: u32) -> Change {
     Change { address, to: To::Instead { of, value } }
 }
 
-/// Returns a change that omits all stores to `address`.
 const fn never(address: u32) -> Change {
     Change { address, to: To::Nothing }
 }
@@ -65,7 +62,6 @@ const fn row<S>(what: &'static str, changes: &'static [Change], told: Expected, 
     Row { what, changes, seen, told }
 }
 
-/// Runs every row on a patched clone of `board` and checks the row's expectations.
 fn check<S: Debug>(rows: &[Row<S>], healthy: &S, run: impl Fn(&[Change]) -> (S, Vec<String>)) {
     let mut wrong = vec![];
     for row in rows {

@@ -143,7 +143,6 @@ impl Base {
                 findings.add(Violation::BaseMissed, at, || "it did not arrive".into());
             }
         }
-        // A changed profile that arrived before `until` belongs to none of the profiles forwarded later.
         while self.strange.pop_front_if(|strange| *strange < until).is_some() {}
     }
 }

@@ -256,7 +256,6 @@ const fn watchdog_longest(board: Board, after_start: u64) -> u64 {
     }
 }
 
-/// Returns the longest processor time, ns, of a board's start.
 const fn start_work(board: Board) -> u64 {
     match board {
         Board::Horus => bounds::HORUS_START_WORK,
@@ -549,7 +548,6 @@ mod tests {
         assert_eq!(broken(&events), []);
     }
 
-    /// Returns the violations of a run in which both firmwares count faults and which `change` has changed.
     fn complaining(change: impl FnOnce(&mut Events)) -> Vec<Violation> {
         let mut events = run();
         events.add(100 * MS, counter(Board::Horus, "rf_faults", Some(1)));
@@ -657,7 +655,6 @@ mod tests {
                     *whole = false;
                 }
             }
-            // HORUS sends a whole frame after the frame that broke off.
             let bytes = events.events.iter().find_map(|event| match &event.what {
                 What::Sent { bytes, .. } => Some(bytes.clone()),
                 _ => None,

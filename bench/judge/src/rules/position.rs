@@ -176,7 +176,6 @@ mod tests {
     /// The number of 1e-9 degrees of latitude in a metre, exact to 0.1 %.
     const METRE: i64 = 8_993;
 
-    /// Returns a Reported-Position at this distance, mm, north of the first position and above it.
     fn reported(timestamp: u32, north_mm: i64, up_mm: i64) -> ReportedValues {
         let silent = silent_reported(timestamp);
         let status = silent.status.with_position_valid(true);
@@ -252,7 +251,7 @@ mod tests {
             (3, vec![0, 1], None),
             (5, vec![0, 3], Some(40)),
             (5, vec![0, 1, 4], None),
-            // The only receiver is not disturbed, but one that is not fitted.
+            // The disturbed receiver is not fitted.
             (1, vec![1], Some(10)),
         ] {
             let events = || who.iter().map(|receiver| disturbed(*receiver)).collect::<Vec<_>>();

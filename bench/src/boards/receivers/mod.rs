@@ -53,7 +53,7 @@ pub const ABANDONED: u64 = 50_000_000;
 #[derive(Clone, Debug, Default)]
 struct Outbox {
     bytes: VecDeque<u8>,
-    /// The groups of waiting bytes: each group's instant of arrival (ns) and its number of bytes.
+    /// The groups of bytes in the buffer, each with its arrival (ns) and its length.
     since: VecDeque<(u64, usize)>,
     read_at: u64,
 }
@@ -86,7 +86,7 @@ impl Outbox {
     }
 }
 
-/// Returns the length of the UBX message at the start of `bytes`, or of the bytes before the first message.
+/// Returns the length of the UBX message at the start of `bytes`, or of what precedes the first message.
 fn message_at_start_of(bytes: &[u8]) -> usize {
     match ubx::Frame::at_start_of(bytes) {
         Some(frame) => frame.wire_len(),
@@ -121,7 +121,8 @@ pub struct Receivers {
     attended: bool,
     heard: Vec<SentByte>,
     read: Vec<ReadBytes>,
-    /// What the microcontroller did against a receiver's data sheet: the first of each kind, with its instant, ns.
+    /// The first misuse of each kind of a receiver by the microcontroller, against the data sheet, with its instant,
+    /// ns.
     misuses: Vec<(u64, String)>,
     told: Vec<(usize, &'static str)>,
     next: u64,
@@ -198,8 +199,8 @@ impl Receivers {
         }
     }
 
-    /// Requests that the bytes sent by the microcontroller are kept for [`Receivers::take_sent`]. The node stops after
-    /// each.
+    /// Keeps the bytes that the microcontroller sends from now on, for [`Receivers::take_sent`]. The board's emulation
+    /// stops after each of these bytes.
     pub fn attend(&mut self) {
         self.attended = true;
     }
@@ -215,8 +216,8 @@ impl Receivers {
         !self.heard.is_empty()
     }
 
-    /// Takes the bus transactions that have ended since the last call. One that began [`ABANDONED`] before `now` (ns)
-    /// counts as ended.
+    /// Takes the bus transactions that have ended since the last call. A transaction that began [`ABANDONED`] before
+    /// `now` (ns) counts as ended.
     pub fn take_read(&mut self, now: u64) -> Vec<ReadBytes> {
         for (receiver, interface) in self.interfaces.iter_mut().enumerate() {
             let (Interface::I2c(Ddc { crossings, .. }) | Interface::Spi(Spi { crossings, .. })) = interface else {
@@ -231,7 +232,8 @@ impl Receivers {
         std::mem::take(&mut self.read)
     }
 
-    /// The instant, ns, at which the oldest bus transaction began that has not been taken; `u64::MAX` for none.
+    /// The instant, ns, at which the oldest bus transaction began that [`Receivers::take_read`] has yet to return;
+    /// `u64::MAX` for none.
     #[must_use]
     pub fn untold_since(&self) -> u64 {
         let of = |interface: &Interface| match interface {

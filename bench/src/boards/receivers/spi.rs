@@ -157,7 +157,7 @@ impl Spi {
         ((frame.miso == Some(self.wires.miso)).then_some(answer), misuse)
     }
 
-    /// Returns `byte` as it is read while the receiver's output is one bit late.
+    /// Returns what the controller reads in place of `byte` while the receiver's output is one bit late.
     fn late(&mut self, byte: u8) -> u8 {
         let shifted = byte >> 1 | u8::from(self.last_bit) << 7;
         self.last_bit = byte & 1 != 0;

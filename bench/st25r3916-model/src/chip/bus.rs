@@ -116,7 +116,7 @@ impl Chip {
             0x40..=0x7F => self.read_from(Space::A, byte & 0x3F),
             0x80 => State::Load,
             0x9F => self.read_fifo(),
-            // A0, A8 and AC load the NFC-A, NFC-F or TSN section of the passive target memory; BF reads the memory.
+            // A0, A8 and AC load a section of the passive target memory (NFC-A, NFC-F, TSN); BF reads the memory.
             0xA0 => State::LoadTarget(0),
             0xA8 => State::LoadTarget(15),
             0xAC => State::LoadTarget(36),

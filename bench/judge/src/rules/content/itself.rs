@@ -62,7 +62,6 @@ impl Itself {
         (self.since, self.started_with, self.unsure) = (at, self.crystal, false);
     }
 
-    /// Returns whether HORUS's RAM kept its content during the last start.
     pub(super) fn keeps_ram(&self) -> bool {
         self.reason != Some(ResetReason::PowerOn)
     }

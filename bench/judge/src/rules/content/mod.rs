@@ -16,16 +16,13 @@
 //! - Ages are not judged for two seconds after an irregular or missing tick or a jump of the timestamp, because HORUS
 //!   counts time in ticks.
 //! - While [`Excuse::Content`] holds, what HORUS states about its receivers, its vote and its inputs is not judged.
-//! - Reported-Position is not judged in a cycle with a wrong or missing GPS object, nor in the next cycle. In all
-//!   others `vote` judges it, and the bits *excluded*. HORUS's state (`inputs`) and its statements about itself
-//!   (`itself`) are judged in every cycle.
+//! - Reported-Position is not judged in a cycle with a wrong or missing GPS object, nor in the next cycle, because the
+//!   vote depends on these objects.
 //!
 //! HORUS receives no message that states a receiver's dynamic model; `models` judges the model by the settings in the
 //! log.
 //!
-//! A wrong object is reported at most once for its values and once for its status. The status is reported if the values
-//! are those of a message that HORUS may hold, or if values and status are both wrong but agree with each other.
-//! Otherwise the values are reported.
+//! A wrong GPS object causes at most one violation because of its values and one because of its status.
 
 mod inputs;
 mod itself;
@@ -364,8 +361,8 @@ impl Rule for Content {
             What::Fed { receiver, byte_ns, bytes, clean, since } => {
                 let Some(line) = self.lines.get_mut(*receiver) else { return };
                 line.pass(at);
-                // A frame ends less than two cycles after its tick, so a later frame cannot depend on messages older
-                // than that.
+                // Messages older than four cycles cannot affect a later frame, which ends less than two cycles after
+                // its tick.
                 line.settle(at.saturating_sub(4 * bounds::CYCLE), self.ticks.first);
                 let disturbances = context.disturbances();
                 let clean = *clean && !disturbances.excuse(Excuse::Ears, at);
@@ -433,7 +430,7 @@ impl Content {
             match &object.state {
                 State::Valid { values: Values::Reported(values), .. } => {
                     voter.reported(values.status);
-                    // A profile shows the inputs as sampled one tick before its own.
+                    // A profile shows the state that HORUS sampled at the tick before.
                     if last == Some(tick)
                         && let Some(what) = inputs.wrong(values.status.state())
                     {

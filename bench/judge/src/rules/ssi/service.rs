@@ -21,7 +21,7 @@ impl Read {
     pub(super) fn of(reading: &Reading, busy: bool) -> Self {
         match reading.silent {
             false => Self::Image,
-            // A short part of an image may be 0xFF throughout. A whole Link-Status cannot, because its CRC would be
+            // A short part of an image may consist of 0xFF bytes. A whole Link-Status cannot, because its CRC would be
             // wrong.
             true if busy || reading.miso.len() >= LinkStatus::SIZE => Self::Nothing,
             true => Self::Unknown,
@@ -51,7 +51,7 @@ struct Hold {
 struct Pending {
     /// The instant, ns, from which [`bounds::SSI_READY`] counts: the end of the transaction, or of a pause.
     since: u64,
-    /// Whether the DPR must become ready. It need not if there is no image to be read.
+    /// Whether the DPR must become ready, because there is an image to be read.
     owed: bool,
 }
 
@@ -60,14 +60,13 @@ struct Pending {
 struct Streak {
     /// The instant, ns, at which the first transaction began.
     first: u64,
-    /// The instant, ns, at which the last transaction began.
     last: u64,
     count: u64,
     /// Whether the processor kept the buffers for too long, which is reported by itself.
     explained: bool,
     /// Whether [`Violation::Silent`] has been reported for the series.
     told: bool,
-    /// Whether there was no reason for the first transaction to read only 0xFF.
+    /// Whether the DPR had no reason to leave the first transaction unserved.
     unserved: bool,
 }
 
@@ -93,8 +92,7 @@ pub(super) struct Service {
     /// The instant, ns, at which the last transaction ended that was longer than a cycle.
     long_ended: u64,
     busy: bool,
-    /// Whether the DPR may leave the present transaction unserved, because it follows another or the image's time is
-    /// over.
+    /// Whether the DPR may leave the present transaction unserved.
     may_be_busy: bool,
     /// The instant, ns, at which FRESH rose first during the transaction that is under way.
     rose_within: Option<u64>,
@@ -170,8 +168,7 @@ impl Service {
     /// Records that the flight controller misuses the SSI, so that the DPR need not serve it.
     pub(super) fn misused(&mut self) {
         (self.claimed, self.streak) = (None, None);
-        // The processor may have taken the buffers because of the misused transaction, so it need not give them back
-        // soon.
+        // The misused transaction may keep the processor from giving the buffers back soon.
         self.pending.iter_mut().for_each(|pending| pending.owed = false);
     }
 
@@ -197,8 +194,8 @@ impl Service {
         }
     }
 
-    /// Records a rise of FRESH. `offers` says that a transaction could begin. Returns whether there is a reason why
-    /// none could.
+    /// Records a rise of FRESH. `offers` states whether a transaction could begin. Returns whether the DPR has a reason
+    /// if none could.
     pub(super) fn rise(&mut self, at: u64, offers: bool) -> bool {
         (self.rose_at, self.served) = (Some(at), 0);
         if self.under_way {
@@ -245,7 +242,7 @@ impl Service {
 
     pub(super) fn selected(&mut self, at: u64) {
         (self.under_way, self.began) = (true, at);
-        // A transaction has just ended, or FRESH has just risen, so the DPR may be busy.
+        // The DPR may be busy just after the end of a transaction or a rise of FRESH.
         let just = self.quiet_since.max(self.paused_until).max(self.rose_at.unwrap_or(0));
         self.may_be_busy = at <= just + bounds::SSI_READY || self.is_expired(at);
         self.rose_within = None;

@@ -14,7 +14,7 @@ use crate::bounds;
 
 /// The voted place, or the voted altitude, at a tick.
 pub(super) trait Mark: Clone {
-    /// The least and the greatest limit, m, of the distance within which two receivers agree.
+    /// The distance, m, within which two receivers agree: the least and the greatest limit of decision 15.
     const LIMITS_M: (f64, f64);
 
     /// Returns the distance, m, from this place or altitude to the later `next`.
@@ -46,8 +46,7 @@ pub(super) trait Mark: Clone {
         }
     }
 
-    /// Returns whether there may be a result between this one and `next`, voted two ticks later, so that neither step
-    /// is a jump.
+    /// Returns whether the vote's result can move from this one to `next` in two ticks without a jump.
     fn may_lead_by_two(&self, next: &Self) -> bool {
         let way = self.way(next).least * (1.0 - bounds::GEODESY_SHARE) - bounds::ARITHMETIC_M;
         way <= 2.0 * (Self::LIMITS_M.1 + flown(bounds::CYCLE + bounds::TICK_TOLERANCE))
@@ -137,13 +136,11 @@ enum Last<T> {
 #[derive(Clone, Debug)]
 pub(super) struct Course<T> {
     last: Last<T>,
-    /// The votes' results at the last two ticks; `None` if not known. Where HORUS may have used a message at either of
-    /// two ticks, a result is a range that covers both cases.
+    /// The results of the vote at the last two ticks; `None` if not known.
     before: [Option<T>; 2],
-    /// The last tick, ns, at which the second for which HORUS holds a jump back certainly began anew. It begins anew if
-    /// there is no result, if the result jumps, or if HORUS shows the place.
+    /// The last tick, ns, at which the time for which HORUS holds a jump back certainly began anew.
     broke: u64,
-    /// The last tick, ns, at which the vote may have had no result, or may have jumped.
+    /// The last tick, ns, at which the time for which HORUS holds a jump back may have begun anew.
     may_have_broken: u64,
 }
 

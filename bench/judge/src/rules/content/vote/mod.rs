@@ -4,10 +4,9 @@
 //!
 //! # How it is judged
 //!
-//! HORUS votes for a tick in the cycle before it, from what each receiver's GPS object shows in this cycle or showed in
-//! the cycle before. A receiver is a candidate if its position may be voted on. If both objects have a valid position,
-//! it certainly is one, unless the older position may expire before the newer one comes. If only one has, it may be
-//! one. A receiver that is excluded in both cycles is not eligible for the result.
+//! HORUS votes for a tick in the cycle before it. A vote can use what each receiver's GPS object shows in this cycle,
+//! or showed in the previous cycle. A receiver whose position may be in the vote is a candidate. A receiver that is
+//! excluded in both cycles is not eligible for the result.
 //!
 //! Position, velocity and accuracy come from the messages, and their ages are known within the limits of `track::Age`.
 //! For each two receivers the judge determines whether they agree, disagree, or may do either ([`places`]).
@@ -29,13 +28,13 @@
 //! - The vote has no result.
 //! - The receiver agrees with a member of the result.
 //!
-//! A receiver must not stay excluded if it has agreed with all members of the result for more than 1.1 s. It must be
-//! excluded if it agrees with no member, or if it has agreed for less than a second since its exclusion. If a quorum of
-//! the members have an altitude, a receiver that has one too must agree with one of them.
+//! A receiver must not stay excluded if it has agreed with all members of the result for more than 1.1 s. It must stay
+//! excluded until it has agreed for a second. It must become excluded if it agrees with no member. If a quorum of the
+//! members has an altitude, a receiver with an altitude must agree with one of them.
 //!
-//! After a restart of HORUS that leaves RAM as it was, an excluded receiver stays excluded unless it may have returned.
-//! A receiver that agreed with all others must not be excluded then, if it has sent nothing new and fewer than M others
-//! have. M is the quorum.
+//! After a restart of HORUS that leaves RAM as it was, an excluded receiver must stay excluded, unless it could be
+//! readmitted before the restart. A receiver that agreed with all others may be excluded only after a new message of
+//! its own, or new messages of a quorum.
 //!
 //! An altitude, an attitude and an acceleration are each voted from receivers that state one. They must be at least M,
 //! the quorum, and must all agree.
@@ -88,7 +87,7 @@ struct Returning {
     did_not: Option<u64>,
 }
 
-/// What the judge knows of HORUS's votes so far, which it needs for the next cycle.
+/// The judge's knowledge of HORUS's votes so far, with which it judges the next cycle.
 #[derive(Clone, Debug)]
 pub(super) struct Vote {
     receivers: usize,
@@ -151,7 +150,6 @@ struct Cycle<'a> {
 }
 
 impl Cycle<'_> {
-    /// Returns those of `others` that have this relation to `receiver`.
     fn related(&self, receiver: usize, others: Set, relation: Relation) -> Set {
         each(others & !bit(receiver))
             .filter(|other| self.relations[receiver][*other] == relation)
@@ -163,7 +161,7 @@ impl Cycle<'_> {
         self.related(receiver, others, Relation::Agree) == others
     }
 
-    /// Returns the largest subset of which every two receivers certainly agree.
+    /// Returns the largest subset of these receivers in which every two receivers certainly agree.
     fn largest(&self, of: Set) -> Set {
         let sets = (0..1 << self.seen.len()).filter(|set: &Set| set & !of == 0);
         let agree = |set: &Set| each(*set).all(|receiver| self.agrees_with_all(receiver, *set));
@@ -175,8 +173,8 @@ impl Cycle<'_> {
         (self.sure & !(self.now & self.before), self.may & !(self.now & self.before))
     }
 
-    /// Returns the members of a result with which `receiver` has to agree: those that certainly count, and those that
-    /// may count. Only members with an altitude count if the receiver and a quorum of the members have one.
+    /// Returns the members of a result with which `receiver` has to agree, as two sets: the certain ones, and the
+    /// possible ones. If the receiver and a quorum have an altitude, only members with an altitude count.
     fn peers(&self, receiver: usize, members: Set) -> (Set, Set) {
         let (own, quorum) = (bit(receiver), |set: Set| count(members & set) >= self.least);
         if self.may_be_high & own == 0 || !quorum(self.may_be_high) {
@@ -211,7 +209,6 @@ impl Cycle<'_> {
         (place, altitude)
     }
 
-    /// Returns the range of the worst horizontal or vertical accuracy, by `axis`, among these members.
     fn accuracy(&self, members: Set, axis: usize) -> Option<Range> {
         let of: Option<Vec<_>> = each(members).map(|member| Some(self.places[member].accuracy()?[axis])).collect();
         of?.into_iter().reduce(|one, its| Range { least: one.least.max(its.least), most: one.most.max(its.most) })
@@ -236,7 +233,7 @@ impl Cycle<'_> {
     }
 }
 
-/// Returns a range that covers all `marks`, which are places or altitudes; `None` if one of them is not known.
+/// Returns a range that covers all these places or altitudes; `None` if one of them is not known.
 fn all<T: Mark>(marks: impl Iterator<Item = Option<T>>) -> Option<T> {
     marks.collect::<Option<Vec<_>>>()?.into_iter().reduce(Mark::or)
 }
@@ -260,11 +257,10 @@ impl Vote {
     }
 
     /// Resets the state at a start of HORUS after `ticks` ticks. `ram` says whether HORUS may still know which
-    /// receivers were excluded: those of the last judged cycle, changed by up to three votes that no frame shows.
+    /// receivers were excluded.
     ///
-    /// In the votes that no frame shows, HORUS may have used newer positions of the receivers `heard`. A receiver that
-    /// agreed with all others can become excluded only by a newer position of its own, or by newer positions of a whole
-    /// quorum.
+    /// HORUS may have voted up to three times without sending the result. A receiver that agreed with all others
+    /// becomes excluded in these votes only if messages of that receiver, or of a quorum, are among those `heard`.
     pub(super) fn restart(&mut self, ram: Ram, ticks: u64, heard: Set) {
         let all = (0..self.receivers).fold(0, |set, receiver| set | bit(receiver));
         let restarted = match self.restarted {
@@ -690,7 +686,6 @@ fn motion(reported: &ReportedValues, members: Set, cycle: &Cycle) -> Option<Stri
     })
 }
 
-/// Returns values of a GPS object, and whether they are valid.
 type Part = fn(&GpsValues) -> (bool, [f32; 3]);
 
 /// Returns the largest difference between any two of these values, which are angles if `circle` is true.

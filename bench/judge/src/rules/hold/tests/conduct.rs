@@ -5,14 +5,12 @@ use super::*;
 const BASE: WriterOf<BaseStation> = WriterOf::claim();
 const FLIGHT: WriterOf<FlightController> = WriterOf::claim();
 
-/// Adds a Hold-Status with these values that the hold has sent at `at`.
 fn sends(events: &mut Events, at: u64, values: &HoldValues) {
     let object = HoldStatus::seal(WriterOf::<ActiveLoad>::claim(), values);
     events.add(at, What::Hold(HoldEvent::Sent(frame(at - MS, object.as_bytes()))));
 }
 
-/// Returns the values of the hold's instant `timestamp` (ms), locked, with these acknowledgements of the base station's
-/// and of the flight controller's last command.
+/// Returns a locked hold's values with this timestamp (ms) and these acknowledgements of both writers' last commands.
 fn says(timestamp: u32, acknowledged: [Acknowledged; 2]) -> HoldValues {
     let values = HoldValues { acknowledged, set_point: 20.0, ..HoldValues::absent(timestamp) };
     HoldValues { status: values.status.with_locked(true), ..values }
@@ -39,7 +37,6 @@ fn frames_may_take_300_ms_at_first_and_then_150_ms() {
 /// A command: writer, number, word, value.
 type Command = (usize, u16, u16, f32);
 
-/// Adds an answer that comes to the hold at `at` with this command, in an uplink of the instant `timestamp` (ms).
 fn commands(events: &mut Events, at: u64, timestamp: u32, (writer, number, word, value): Command) {
     let mut values = UplinkValues { timestamp, ..UplinkValues::default() };
     for (to, from) in
@@ -55,7 +52,6 @@ fn commands(events: &mut Events, at: u64, timestamp: u32, (writer, number, word,
     events.add(at, What::Hold(HoldEvent::AnswerHeard(frame(at - 3 * MS, answer.as_bytes()))));
 }
 
-/// Returns the violations of a locked hold at 20 °C that this command comes to, and that then says `after`.
 fn executes(command: Option<Command>, after: impl FnOnce(&mut HoldValues)) -> Vec<Violation> {
     let mut events = run();
     sends(&mut events, 100 * MS, &says(100, NO_COMMAND()));
@@ -131,8 +127,6 @@ fn after_power_on_no_earlier_command_is_acknowledged() {
     assert_eq!(acknowledges(HoldEvent::Reset { cause: Cause::Pin, asked: true }), []);
 }
 
-/// Returns the violations of a hold that has stated these outputs, at 20 °C, 40 % and 3 V, and whose payload shows
-/// `payload` 50 ms later: the shares of heater and cooler, the temperature (m°C) and the humidity (m%).
 fn does(outputs: &[f32], payload: (u16, u16, i32, u32)) -> Vec<Violation> {
     let mut events = run();
     let mut at = 0;
