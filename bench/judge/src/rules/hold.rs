@@ -378,10 +378,10 @@ impl Hold {
             self.frames[index].shown = true;
             self.accept(index, dpr.since);
         }
-        let calm = self.calm.exchanges();
-        if at < calm || !dpr.powered {
+        if !dpr.powered {
             return;
         }
+        let calm = self.calm.exchanges();
         let due = |frame: &Arrived| {
             frame.is_new && frame.at >= calm && (SHOWN_WITHIN..SHOWN_AT_LEAST).contains(&at.saturating_sub(frame.at))
         };
@@ -393,7 +393,7 @@ impl Hold {
         let unanswered = self
             .frames
             .iter_mut()
-            .find(|frame| frame.shown && !frame.answered && frame.at > calm && frame.at + bounds::CYCLE < at);
+            .find(|frame| frame.shown && !frame.answered && frame.at >= calm && frame.at + bounds::CYCLE < at);
         if let Some(frame) = unanswered {
             frame.answered = true;
             let came = frame.at;
@@ -408,7 +408,7 @@ impl Hold {
             frame.is_new && !frame.answered && (ANSWERS.0..=ANSWERS.1).contains(&at.saturating_sub(frame.at))
         };
         let Some(index) = self.frames.iter().rposition(asks) else {
-            let last = self.frames.iter().rev().find(|frame| frame.at < at).map_or(0, |frame| frame.at);
+            let last = self.frames.back().map_or(0, |frame| frame.at);
             return wrong(format!("no new object of the hold waits for one; the last frame ended at {}", ms(last)));
         };
         self.frames[index].answered = true;

@@ -123,6 +123,11 @@ fn after_its_start_the_dpr_takes_an_object_that_it_had_before() {
     };
     assert_eq!(after(true), []);
     assert_eq!(after(false), [Violation::HoldShown, Violation::HoldAnswer], "a repetition");
+    let mut events = run();
+    for (at, timestamp) in [(100, 700), (200, 800), (300, 800)] {
+        exchange(&mut events, at * MS, timestamp);
+    }
+    assert_eq!(violations(&events), [Violation::HoldAnswer], "a repetition of the second object");
 }
 
 fn shown_from_damaged(damaged: usize) -> Vec<Violation> {
@@ -165,6 +170,9 @@ fn what_came_before_the_dprs_start_is_not_shown_after_it() {
     events.reset(150 * MS, Board::Dpr, true);
     read(&mut events, 149 * MS + 500_000, &[&status(700)[..32], &[0xFF; 32]].concat());
     assert_eq!(violations(&events), [], "the start cut the transaction off");
+    let mut at_its_start = events.clone();
+    read(&mut at_its_start, 150 * MS, &status(700));
+    assert_eq!(violations(&at_its_start), [Violation::HoldShown]);
     read(&mut events, 180 * MS, &status(700));
     assert_eq!(violations(&events), [Violation::HoldShown]);
 }
