@@ -166,6 +166,23 @@ mod tests {
         assert_eq!(Class::of(&sound(), &none, &[]), Class::Stopped);
     }
 
+    fn class(readings: &[(u64, u32)]) -> Class {
+        let of = |&(us, position): &(u64, u32)| Reading { at: us * 1_000, bytes: 0, position: Some(position) };
+        Class::of(&sound(), &readings.iter().map(of).collect::<Vec<_>>(), &[])
+    }
+
+    #[test]
+    fn a_position_may_last_108_200_us() {
+        assert_eq!(class(&[(4_000, 1), (112_200, 1), (116_000, 2)]), Class::Recovered);
+        assert_eq!(class(&[(4_000, 1), (112_201, 1), (116_000, 2)]), Class::Dangerous);
+    }
+
+    #[test]
+    fn a_position_that_is_50_ms_old_at_the_end_is_not_new() {
+        assert_eq!(class(&[(4_000, 1), (4_001, 2), (54_000, 2)]), Class::Stopped);
+        assert_eq!(class(&[(4_001, 1), (4_002, 2), (54_000, 2)]), Class::Recovered);
+    }
+
     #[test]
     fn a_violation_that_misleads_a_reader_is_dangerous() {
         for violation in [
