@@ -195,7 +195,7 @@ struct Reader {
     air: Air,
     frame: Vec<u8>,
     sent: std::collections::BTreeMap<u32, u64>,
-    /// Whether the air loses all frames while the task is damaged, because the task runs only without frames.
+    /// Whether the air loses all frames while the task is damaged. A task that runs only without frames needs this.
     loses: bool,
     lost: bool,
     broken: Option<(u64, Repair)>,

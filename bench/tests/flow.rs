@@ -26,8 +26,8 @@ fn setup(gps: usize, clock: Clock, faults: Faults, duration: u64) -> Option<Setu
     Some(Setup { clock, faults, ..Setup::new(images, gps, duration) })
 }
 
-/// Raises a spurious interrupt of a task at `at`, ns. Returns whether that was possible, or an error if the task is a
-/// step of a cycle and its board was not reset, or is another task and something changed.
+/// Raises a spurious interrupt of a task at `at`, ns. Returns whether the interrupt could be raised. Returns an error
+/// if the task is a step of a cycle and its watchdog did not reset the board, or if any other task had an effect.
 fn spurious(gps: usize, clock: Clock, board: Board, task: u8, at: u64) -> Option<Result<bool, String>> {
     let faults = Faults::none().with(at, at, Fault::Spurious(board, task));
     let setup = setup(gps, clock, faults, at + AFTER)?;

@@ -193,7 +193,7 @@ fn horus_stops_at_each_forbidden_access_and_reports_it_later() {
 fn after_a_restart_that_no_stop_explains_no_stop_is_told_of() {
     let Some(mut horus) = boards::horus() else { return };
     run_horus(&mut horus, 55 * MS);
-    // The steps of the cycle continue when `parse` hangs, because it is none of them.
+    // `parse` is no step of the cycle, so the cycle goes on when `parse` hangs.
     let repair = ImageFault::Hung("CAN1_RX1".to_owned()).apply(&mut horus).unwrap();
     restarted(&mut horus, |node| drop(node.board_mut(|board| board.front_end.take_air())));
     repair.mend(&mut horus).unwrap();

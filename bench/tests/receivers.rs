@@ -256,7 +256,8 @@ fn may_disagree(one: Position, other: Position) -> bool {
 }
 
 /// Injects faults of buses, one a second. Asserts that there is no violation, that no cycle is lost, and that the other
-/// receivers stay valid. While these agree, Reported-Position must be valid. Returns its greatest error, m.
+/// receivers stay valid. While the other receivers agree, Reported-Position must be valid. Returns its greatest error,
+/// m.
 fn drawn_failures(clock: Clock, seed: u64, failures: u64, table: &mut [Table; BusFault::ALL.len()]) -> Option<f64> {
     const SECOND: u64 = 1_000 * MS;
     const SETTLED: u64 = SECOND;

@@ -323,9 +323,9 @@ impl Receiver {
         }
     }
 
-    /// Takes up to [`BYTES_PER_CALL`] of `bytes`, which arrived by `now` (ms, wraps), and returns how many it took. To
-    /// be called without bytes, too, whenever [`Receiver::is_due`], which is to be asked every few ms: only a call
-    /// detects a silent line and drops old time stamps.
+    /// Takes up to [`BYTES_PER_CALL`] of `bytes`, which arrived by `now` (ms, wraps), and returns how many it took. The
+    /// caller must ask [`Receiver::is_due`] every few ms and, if the answer is true, call this method even without
+    /// bytes. Only a call detects a silent line and drops old time stamps.
     pub fn receive(&mut self, bytes: &[u8], now: u32) -> usize {
         let (bytes, _) = bytes.split_at(bytes.len().min(BYTES_PER_CALL));
         self.solution.expire(now);

@@ -159,9 +159,9 @@ impl Polling {
 
     /// Takes the result of examining a transfer's bytes. `brought` says that some of them were the receiver's.
     /// `is_empty` says that the transfer ended with filler, so the receiver has no more ([`Filter::has_nothing_more`]).
-    /// After a pause a transfer of filler alone does not show an empty receiver, because a line that is stuck high
-    /// reads the same. It does so only after a transfer that brought bytes, because a message may end with its
-    /// transfer.
+    /// After a pause, a transfer of filler alone usually does not show that the receiver is empty, because a line that
+    /// is stuck high reads the same. It shows it only if the transfer before brought bytes, because a message may end
+    /// exactly with its transfer.
     pub fn read(&mut self, brought: bool, is_empty: bool) {
         let brought_before = core::mem::replace(&mut self.brought, brought);
         self.backlog.read(is_empty && (brought || brought_before || !self.backlog.is_old()));

@@ -159,7 +159,7 @@ impl Receiver {
         Self::with_model(Model::fitted(index), index, seed, flight)
     }
 
-    /// Returns a receiver like [`Self::generated`] does, but of the given model.
+    /// Returns a generated receiver ([`Self::generated`]) of the given model.
     #[must_use]
     pub fn with_model(model: Model, index: usize, seed: u64, flight: Arc<Flight>) -> Self {
         Self::from_source(Source::Generated(Box::new(Generated::new(model, index, seed, flight))))

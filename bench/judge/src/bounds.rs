@@ -54,7 +54,7 @@ pub const FRAME_LONGEST: u64 = 5_100_000;
 /// The longest time from a transmit command to the end of its frame. At the front end's lowest rate, 106 kbit/s, the
 /// longest frame takes 20 ms.
 pub const COMMAND_TO_END: u64 = 20_500_000;
-/// The longest time after a lost frame at which HORUS may switch the field off to bring its front end up again.
+/// How long after a lost frame HORUS may still switch the field off, to bring its front end up again.
 pub const FIELD_RECOVERY: u64 = 2 * CYCLE + CYCLE / 2;
 /// How long after the return of the field no frame is required, because HORUS checks its front end first.
 pub const FIELD_READY: u64 = CYCLE;
@@ -88,25 +88,25 @@ pub const MESSAGE_TAKEN: u64 = CYCLE + 2_000_000;
 pub const VALID_BEYOND_PERIOD: u64 = 150_000_000;
 /// How much older than its receiver's period a solution is when it becomes stale: docs/design.md#validity.
 pub const STALE_BEYOND_PERIOD: u64 = 50_000_000;
-/// How long after a receiver's last message HORUS's status must state that messages arrive from this receiver:
-/// docs/design.md#status-words.
+/// How long HORUS's status must go on stating that messages arrive from a receiver, counted from that receiver's last
+/// message: docs/design.md#status-words.
 pub const HEARD: u64 = 250_000_000;
 /// The longest period that HORUS accepts from a receiver, ms: docs/design.md#validity.
 pub const LONGEST_PERIOD_MS: u32 = 1_000;
 /// The shortest period that HORUS accepts from a receiver, ms: 50 Hz, twice the rate of the fastest receivers.
 pub const SHORTEST_PERIOD_MS: u32 = 20;
 
-/// The longest time that HORUS may leave the bytes of a receiver on a bus unread, counted from when the receiver offers
-/// them or from the end of a fault of the bus. A position is not valid for much longer than this time, the longest
-/// period of a receiver (docs/design.md#validity).
+/// The longest time that HORUS may leave the bytes of a receiver on a bus unread. It counts from when the receiver
+/// offers the bytes, or from the end of a fault of the bus. It is the longest period of a receiver, because a position
+/// is not valid for much longer (docs/design.md#validity).
 pub const READ_WITHIN: u64 = 1_000_000_000;
-/// The longest time for which HORUS must use bytes that wait in a receiver on a bus. HORUS may drop bytes that have
-/// waited longer, and what it reads within [`READ_SETTLED`] after them.
+/// HORUS must use bytes that have waited in a receiver on a bus for at most this time. HORUS may drop bytes that have
+/// waited longer, and all bytes that it reads within [`READ_SETTLED`] after them.
 pub const NEWS: u64 = 25_000_000;
-/// The time in which HORUS may drop all bytes from a receiver on a bus, after a failure of the bus or after bytes that
+/// How long HORUS may drop all bytes from a receiver on a bus, counted from a failure of the bus or from bytes that
 /// waited too long ([`NEWS`]).
 pub const READ_SETTLED: u64 = 100_000_000;
-/// The longest time that bytes wait in a receiver on a bus before HORUS must drop them.
+/// HORUS must drop bytes that have waited in a receiver on a bus for longer than this.
 pub const TOO_OLD: u64 = 50_000_000;
 /// The number of bytes that HORUS reads from a receiver in one cycle (decision 16). HORUS leaves further bytes for its
 /// next cycle and may drop them.
@@ -133,8 +133,8 @@ pub const POSITION_SETTLED: u64 = SETTINGS_TOLD + RETURNED;
 /// (docs/design.md#validity).
 pub const POSITION_OLDEST: u64 =
     LONGEST_PERIOD_MS as u64 * 1_000_000 + VALID_BEYOND_PERIOD + BEFORE_ARRIVAL + BEFORE_ARRIVAL_SPREAD;
-/// The largest error of a valid position, horizontal and vertical, m. Each is five times the error that one in 68
-/// solutions of the worst receiver exceeds.
+/// The largest error of a valid position, horizontal and vertical, m. One in 68 solutions of the worst receiver has an
+/// error above a fifth of this limit.
 pub const POSITION_OFF_M: [f64; 2] = [10.0, 20.0];
 
 /// The step, ns, in which a GPS object's status states the age of its solution: docs/design.md#status-words.
@@ -180,14 +180,14 @@ pub const ACCELERATION_M_S2: f64 = 2.0;
 pub const HELD_BACK: u64 = RETURNED;
 /// The time for which HORUS must hold back a voted position that has jumped: one second less tolerances.
 pub const NOT_HELD_BACK: u64 = NOT_RETURNED;
-/// The voter adds this time, s, multiplied by the speed to a receiver's accuracy, and half of
-/// [`UNCERTAIN_ACCELERATION`] multiplied by the square of the position's age.
+/// The voter multiplies this time, s, by the speed and adds the product to a receiver's accuracy. It also adds half of
+/// [`UNCERTAIN_ACCELERATION`], multiplied by the square of the position's age.
 pub const UNCERTAIN_SPEED_S: f64 = 0.05;
 /// The greatest acceleration, m/s², that HORUS assumes for the aircraft since a receiver's message.
 pub const UNCERTAIN_ACCELERATION: f64 = 4.0;
-/// How long an excluded receiver must agree with the voted position until HORUS must readmit it to the vote. It is one
-/// second by the design, and longer because HORUS's clock may be off by 2 % and the judge may not know which messages
-/// HORUS had at a tick.
+/// How long an excluded receiver must agree with the voted position until HORUS must readmit it to the vote. The design
+/// says one second. This limit is longer, because HORUS's clock may be off by 2 % and the judge may not know which
+/// messages HORUS had at a tick.
 pub const RETURNED: u64 = 1_100_000_000;
 /// How long an excluded receiver must agree with the voted position before HORUS may readmit it to the vote.
 pub const NOT_RETURNED: u64 = 950_000_000;
@@ -229,8 +229,9 @@ pub const STATION_SILENT: u64 = 1_000_000_000;
 
 /// The shortest silence of a line after which HORUS may discard an incomplete message; HORUS waits for 50 ms.
 pub const SILENCE_MAY_END: u64 = 45_000_000;
-/// The silence of a receiver's line after which HORUS must have discarded an incomplete message. HORUS detects 50 ms of
-/// silence at one of its checks every 10 ms. It then fills the message up with zeros, in up to four checks.
+/// The silence of a receiver's line after which HORUS must have discarded an incomplete message. HORUS checks every 10
+/// ms whether the line has been silent for 50 ms. If so, it ends the incomplete message with zeros, for which it needs
+/// up to four checks.
 pub const SILENCE_ENDS: u64 = 110_000_000;
 /// The longest pause between two transactions that the judge accepts: far longer than a control cycle.
 pub const NO_TRANSACTION: u64 = 100_000_000;
@@ -281,9 +282,11 @@ pub const SILENCE: u64 = 450_000_000;
 /// How long after the frame that ends a [`SILENCE`] the DPR may miss frames and Link-Status may still report a fault. A
 /// bring-up of the front end takes 12 ms.
 pub const SILENCE_OVER: u64 = 2 * CYCLE;
-/// The shortest time from one frame to the next with which a listener can receive both (docs/design.md#air-frame).
+/// The shortest time from the end of one frame to the next frame if a listener is to receive both
+/// (docs/design.md#air-frame).
 pub const FRAME_GAP: u64 = 300_000;
-/// How long after a cycle's first frame the DPR waits for the second (with five receivers), which ends 3.935 ms later.
+/// With five receivers, how long after a cycle's first frame the DPR waits for the second frame. The second frame ends
+/// 3.935 ms after the first.
 pub const SECOND_FRAME: u64 = 7_000_000;
 /// How long Link-Status shows a restart of HORUS (docs/design.md#link-status).
 pub const RESTART_SHOWN: u64 = 1_000_000_000;
@@ -291,7 +294,8 @@ pub const RESTART_SHOWN: u64 = 1_000_000_000;
 pub const CLOCK_SHARE: u64 = 50;
 /// The shortest time over which the DPR compares HORUS's clock with its own: docs/design.md#sequence.
 pub const CLOCK_WINDOW: u64 = 1_000_000_000;
-/// The greatest difference between two crystals, parts per million: 50 each, and as much again for the temperature.
+/// The greatest difference between two crystals, parts per million. Each crystal may be off by 50, and by 50 more
+/// because of the temperature.
 pub const CRYSTALS_PPM: u64 = 200;
 /// The longest time for which one of the DPR's buffers may stay in use after a fault of a bit in it. Three receive
 /// buffers and four images take turns, one in each cycle.

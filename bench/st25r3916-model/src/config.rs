@@ -111,9 +111,9 @@ pub struct Config {
     pub driver_timing_display: u8,
     /// Value of the RC calibration display (register B39) after an RC calibration (EA). Measured on one chip.
     pub rc_calibration_display: u8,
-    /// Constant result of Measure amplitude (D3), A/D steps, whose use is a finding. Measured on one chip.
+    /// Constant result of Measure amplitude (D3), A/D steps. Measured on one chip. A use of the command is a finding.
     pub amplitude: u8,
-    /// Constant result of Measure phase (D9), A/D steps, whose use is a finding. Measured on one chip.
+    /// Constant result of Measure phase (D9), A/D steps. Measured on one chip. A use of the command is a finding.
     pub phase: u8,
     /// Results of Measure power supply (DF) for VDD_A, VDD_D, VDD_RF and VDD_AM, mV. Measured on one chip.
     pub regulated_mv: [u16; 4],

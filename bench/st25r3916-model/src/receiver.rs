@@ -136,7 +136,7 @@ impl Receiver {
     }
 
     pub(crate) fn frame_starts(&mut self, core: &mut Core, fifo: &mut Fifo, at: u64, frame: FrameStart) {
-        // A frame that begins during another one masks the rest of that one.
+        // If a frame begins during another frame, the receiver loses the rest of the earlier one.
         self.signal_lost(core, fifo, at);
         if self.busy() {
             core.statistics_mut().missed += 1;

@@ -128,7 +128,8 @@ fn mute(seen: &Shows) -> bool {
     seen.received == 8 && seen.fresh.0 >= 10 && seen.intact == 0 && seen.valid == 0 && seen.restarts.is_empty()
 }
 
-/// Returns whether frames are received and published, but an undriven line, or SPIS's default character, is read.
+/// Returns whether frames are received and published, but every transaction reads only an undriven line or SPIS's
+/// default character.
 fn mute_and_silent(seen: &Shows) -> bool {
     mute(seen) && seen.silent == seen.all
 }

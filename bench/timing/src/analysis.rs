@@ -49,7 +49,7 @@ impl Arrivals {
 pub struct Curve {
     /// The width of a step, above 0.
     pub step: u64,
-    /// The execution time that windows up to the end of each step demand; it never falls.
+    /// For each step, the execution time that a window up to the end of this step demands. The values never fall.
     pub demands: Vec<u64>,
 }
 

@@ -91,8 +91,8 @@ pub struct Stated {
     /// The vector of a task that is called together with this one, if that distinguishes the row from another one of
     /// the same task.
     pub together: Option<&'static str>,
-    /// Whether no code outside the tasks masks all interrupts at the task's release, because such code avoids ticks and
-    /// slots (`timing::quiet` in horus-tx-fw).
+    /// Whether no code outside the tasks masks all interrupts at the task's release. Code that masks them keeps away
+    /// from ticks and slots (`timing::quiet` in horus-tx-fw).
     pub in_quiet: bool,
 }
 
@@ -159,8 +159,8 @@ const HORUS: &[Row] = &[
 /// The tasks of HORUS that a tick or a slot calls.
 const AT_TICK_OR_SLOT: [&str; 4] = ["slot", "rf_slot", "cycle", "vote"];
 
-/// The DPR's `commit` has two rows: it prepares an image while a frame arrives, and publishes the image at the frame's
-/// end. Only the second work is called together with `scrub`.
+/// The DPR's `commit` has two rows, because it does two kinds of work. It prepares an image while a frame arrives, and
+/// it publishes the image at the frame's end. Only for the publication it is called together with `scrub`.
 const PUBLISHES: &str = "commit, at a frame's end";
 
 const DPR: &[Row] = &[

@@ -85,7 +85,7 @@ enum Mutation {
     NoSecondCompare,
     /// Mutation: the event of the expiry timer's compare is cleared before the timer.
     EventClearedBeforeTimer,
-    /// Mutation: no pause masks the end of a transaction, so that each end calls the SSI task.
+    /// Mutation: there is no pause after a transaction, so each end of a transaction calls the SSI task.
     NoPause,
     /// Mutation: a pause begins although its compare is not set, so that the pause never ends.
     PauseWithoutEnd,

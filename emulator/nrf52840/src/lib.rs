@@ -224,10 +224,10 @@ impl Nrf52840 {
         self.soc.spis_quiet()
     }
 
-    /// Clocks several bytes as [`Nrf52840::spis_clock`] does, after the last of them has ended. The first ended at
-    /// `first`, and each further byte `byte_time` 2⁻¹⁶ cycles later. Memory is used in its present state. More bytes
-    /// than [`Nrf52840::spis_quiet`] would make an event late. Returns `false`, with 0xFF in `miso`, if no selected
-    /// SPIS drove MISO.
+    /// Clocks several bytes as [`Nrf52840::spis_clock`] does, after the last of them has ended. The first byte ended at
+    /// `first`. The bytes are `byte_time` apart, in units of 2⁻¹⁶ cycles. Memory is used in its present state. More
+    /// bytes than [`Nrf52840::spis_quiet`] would make an event late. Returns `false`, with 0xFF in `miso`, if no
+    /// selected SPIS drove MISO.
     pub fn spis_exchange<O: Outside>(
         &mut self,
         first: Cycle,

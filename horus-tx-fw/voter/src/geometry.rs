@@ -91,8 +91,8 @@ impl Place {
     /// Returns latitude and longitude, degrees, of the point `north` and `east` metres from this place, at most some
     /// hundred. Without a step the result is exactly the position that was stated.
     pub(crate) fn degrees(&self, [north, east]: [f32; 2]) -> [f64; 2] {
-        // The first value is the distance of the point from the earth's axis along the direction of this place, the
-        // second along the point's own direction.
+        // `away` is the point's distance from the earth's axis, and `outward` the part of that distance in the
+        // direction of this place.
         let outward = self.across * self.cosine - north * self.sine;
         let away = libm::sqrtf(outward * outward + east * east);
         let ahead = outward >= 0.0;

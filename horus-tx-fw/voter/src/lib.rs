@@ -66,11 +66,12 @@ pub const MOST_HORIZONTAL_ACCURACY_MM: u32 = 30_000;
 /// The largest vertical accuracy, mm: 50 m (decision 15, candidates).
 pub const MOST_VERTICAL_ACCURACY_MM: u32 = 50_000;
 
-/// The latency (time from the epoch of a position to its arrival) of the candidate in the middle, ms: a receiver takes
-/// it to compute and send (decision 15, brought to the tick; u-blox data sheets and recordings: 40 to 80 ms).
+/// The latency of the candidate in the middle, ms. A latency is the time from the epoch of a position to its arrival,
+/// in which the receiver computes and sends the position (decision 15, paragraph "Brought to the tick"; u-blox data
+/// sheets and recordings: 40 to 80 ms).
 pub const LATENCY_MS: i32 = 50;
-/// How much the latency of a candidate may differ from that of the candidate in the middle, ms (decision 15, brought to
-/// the tick).
+/// How much the latency of a candidate may differ from that of the candidate in the middle, ms (decision 15, paragraph
+/// "Brought to the tick").
 pub const LATENCY_SPREAD_MS: i32 = 50;
 /// The length of a week, ms, after which the time of week begins at 0 again.
 pub const WEEK_MS: u32 = 7 * 24 * 3_600 * 1_000;
@@ -332,9 +333,9 @@ fn axis_of<const N: usize>(
 
 /// Returns the time from the epoch of each position to its arrival, in units of half a millisecond.
 ///
-/// All receivers tell the time of week of the same system. So a receiver's latency is greater by as much as its message
-/// arrives later after its time of week than another receiver's. The candidate with the median latency gets
-/// [`LATENCY_MS`], and the others as much more or less as their messages took. If the difference is above
+/// A receiver's lag is the time from its message's time of week to the message's arrival. All receivers tell the time
+/// of week of one system, so two latencies differ by as much as the two lags. The candidate with the median lag gets
+/// [`LATENCY_MS`], and the others get more or less by their lag's difference from it. If this difference is above
 /// [`LATENCY_SPREAD_MS`], the receiver's time of week is wrong, and its position gets [`LATENCY_MS`], too.
 fn latencies<const N: usize>(inputs: &[Input; N], candidates: u8) -> [i32; N] {
     const HALF_A_WEEK_MS: i32 = WEEK_MS as i32 / 2;

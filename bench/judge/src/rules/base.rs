@@ -8,7 +8,7 @@
 //! - If bytes change on the way to the base station, only [`Violation::BaseChanged`] is reported, and not also a
 //!   missing profile.
 //! - If the base station shows objects of several cycles as one profile, only [`Violation::BaseMixed`] is reported. If
-//!   the flight controller already read these objects together, another rule reports its transaction.
+//!   the flight controller already read this mixture from the DPR, another rule reports that transaction.
 //! - In a profile that mixes cycles, the base station may leave objects out, and none is reported as missing.
 
 use std::collections::VecDeque;

@@ -123,7 +123,7 @@ impl Soc {
         miso
     }
 
-    /// Exchanges several bytes. The first ended at `first`, and each further byte ends `time` 2⁻¹⁶ cycles later.
+    /// Exchanges several bytes. The first byte ended at `first`. The bytes are `time` apart, in units of 2⁻¹⁶ cycles.
     pub(crate) fn spis_exchange<O: Outside>(
         &mut self,
         first: Cycle,

@@ -68,13 +68,13 @@ struct Line {
     /// The latest instant, ns, at which HORUS may have found its last message.
     may_have_heard: Option<u64>,
     solution: Option<u64>,
-    /// The instants, ns, at which valid positions will have arrived whose bytes are still on the line.
+    /// The valid positions whose bytes are still on the line: the instants, ns, at which they will have arrived.
     solutions: VecDeque<u64>,
     /// The number of bytes that a receiver on a bus has yet to send.
     waiting: u64,
     /// The instant, ns, until which HORUS may drop the bytes that it reads from the receiver.
     doubtful: u64,
-    /// Whether HORUS may also drop the first bytes that it reads after the instant `doubtful`.
+    /// Whether HORUS may also drop the first bytes that it reads after the instant in `doubtful`.
     unproven: bool,
 }
 
@@ -253,7 +253,7 @@ impl Line {
     }
 }
 
-/// Returns the bits of the three numbers in a GPS object that belong to this kind of message.
+/// Returns, as bits, the three numbers of a GPS object that come from a message of this kind.
 fn numbers(kind: Kind, values: &GpsValues) -> [u64; 3] {
     match kind {
         Kind::Position => [values.latitude, values.longitude, values.altitude].map(f64::to_bits),

@@ -1,7 +1,7 @@
 //! Compares Port-Status, and the uplinks that are read back, with what the flight controller has written.
 //!
-//! The judge determines the state of a correct DPR after each transaction (`model`), or several possible states. The
-//! first image published after a transaction may show the transaction's effect, and the second must.
+//! After each transaction the judge determines which states a correct DPR can have (`model`). The first image published
+//! after a transaction may show the transaction's effect, and the second must.
 //!
 //! # What is not required
 //!

@@ -288,8 +288,8 @@ fn after_misconduct_counters_are_bounded_by_the_transactions() {
         insert(&mut log, 120 * MS, injected(MISUSE, 200 * MS));
         broken(&log)
     };
-    // At most 29 transactions fit between the excuse and the first accepted Port-Status. Those for two images may be
-    // counted late.
+    // At most 29 transactions fit between the end of the excuse and the first accepted Port-Status. The transactions
+    // before, as many as the budget of two images allows, may be counted late.
     const MOST: u16 = 29 + 2 * bounds::SSI_BUDGET as u16;
     let wrong = [(Violation::PortStatusWrong, 1)];
     assert_eq!(after(&|values| values.violations.count(TooMany, 2 * MOST)), []);

@@ -35,7 +35,8 @@
 //!   deadline, or after 25 ms.
 //! - A transaction longer than a second is not judged, because the frames that it may have read are no longer kept.
 //! - While [`Excuse::Hearing`] holds, a cycle that reached the antenna may be shown but need not be. When an
-//!   [`Excuse::Withdrawal`] begins, a cycle that no transaction has had to show yet need not be shown.
+//!   [`Excuse::Withdrawal`] begins, a cycle need not be shown any more, unless a transaction has already failed to show
+//!   it.
 
 mod recovery;
 #[cfg(test)]

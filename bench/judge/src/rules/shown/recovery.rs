@@ -46,7 +46,7 @@ pub(super) struct Longest {
 pub(super) struct Recovery {
     /// The disturbances from which the link has not recovered.
     causes: Option<Causes>,
-    /// Whether the late end of the present recovery has been reported.
+    /// Whether the present recovery was already reported as late.
     late: bool,
     /// Whether HORUS has no supply, and whether the DPR has none.
     off: [bool; 2],

@@ -13,8 +13,8 @@
 //!   is not judged.
 //! - A DPR that the bench has stopped, or one with a dead task, need not serve anything until its next start. Service
 //!   that was overdue before is reported, and the bytes that are read still have to be right.
-//! - If the processor keeps the SSI's buffers too long, this is [`Violation::NotReady`] after a transaction, and
-//!   [`Violation::HeldBack`] otherwise, and the transactions that find the DPR busy meanwhile are not reported. If
+//! - If the processor keeps the SSI's buffers too long after a transaction, this is [`Violation::NotReady`]; at any
+//!   other time it is [`Violation::HeldBack`]. Transactions that find the DPR busy meanwhile are not reported. If
 //!   nothing is readable for longer than [`bounds::EXPIRY`], only [`Violation::Silent`] is reported.
 //! - A single transaction may read 0xFF throughout if the DPR is busy. The DPR is busy while it puts an image in, which
 //!   FRESH announces within [`bounds::SSI_READY`]; just after another transaction; when the image's time is over; or

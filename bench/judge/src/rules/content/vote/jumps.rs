@@ -23,7 +23,7 @@ pub(super) trait Mark: Clone {
     /// Returns the greatest accuracy, m, of a receiver in this vote, with the addition for the age of its position.
     fn accuracy(&self) -> Range;
 
-    /// Returns a place or altitude whose ranges cover both.
+    /// Returns a place or altitude whose range covers this one and `other`.
     fn or(self, other: Self) -> Self;
 
     /// Returns whether `next`, voted `ns` later, is so near that it is no jump.
