@@ -163,7 +163,7 @@ where
     None
 }
 
-/// Returns the time after a reset, ns, from which on the watchdog ends a hang, to 100 ns.
+/// Before a certain time after a reset, the watchdog does not end a hang. Returns this time, ns, exact to 100 ns.
 fn watched_from<B: Powered, C: Cost>(mut node: Node<B, C>) -> u64
 where
     Node<B, C>: Clone,

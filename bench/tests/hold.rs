@@ -109,7 +109,7 @@ fn no_fault_of_the_hold_moves_a_figure_of_horus() {
         let finished = run::<Fast>(&Setup { faults, ..quiet.clone() }, Threads::Two);
         assert_eq!(words(&finished), [""; 0], "{name}");
         let found = of_horus(&finished.report);
-        // The DPR's firmware without a hold is another image, and the compiler may give the same code a few cycles
+        // The DPR's firmware without a hold is another program, and the compiler may give the same code a few cycles
         // more.
         if found.iter().zip(expected).any(|(found, expected)| found.saturating_sub(expected) * 100 > expected) {
             moved.push((name.clone(), found));

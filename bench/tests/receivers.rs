@@ -1,5 +1,5 @@
-//! Tests receivers on a UART, on I2C and on SPI. Their values are shown bit by bit. A fault of one interface costs
-//! neither a cycle nor another receiver, and its effect ends soon.
+//! Tests receivers on a UART, on I2C and on SPI. Their values are shown bit by bit. If one interface fails, HORUS still
+//! sends every cycle and shows the other receivers, and the effect of the failure ends soon.
 
 use crate::boards;
 

@@ -9,7 +9,7 @@
 //!
 //! A start after power-on destroys the record (`hw::start_up`). After any other reset, the receivers of the mask have
 //! to agree for a second before they return (decision 15). A record counts as empty if it is not intact, if a program
-//! with another number of receivers wrote it, or if the voter never arrives at its mask
+//! with another number of receivers wrote it, or if no vote can lead to its mask
 //! ([`Voter::excluding`](horus_voter::Voter::excluding)).
 
 use profile::{crc, ResetReason};

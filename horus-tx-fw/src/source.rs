@@ -38,7 +38,7 @@ pub struct Backlog {
 }
 
 impl Backlog {
-    /// The greatest number of ticks between two reads of a receiver after which its bytes still count as new. One read
+    /// A receiver's bytes still count as new if at most this number of ticks lies between its last two reads. One read
     /// may fail, or give way to a message.
     pub const TICKS: u8 = 2;
     /// When this many reads in a row have left bytes in the receiver, the bytes that come count as old.

@@ -262,7 +262,7 @@ struct Outcome {
     worst_m: f64,
     /// The time from the failure to the first tick at which the failed receiver is excluded, ms.
     excluded_after_ms: Option<u32>,
-    /// The time from the failure to the first tick from which on the failed receiver is not a member any more, ms.
+    /// The time from the failure to the first tick after which the failed receiver is never a member again, ms.
     left_after_ms: Option<u32>,
     /// The number of ticks without a result after [`SETTLED_MS`].
     without: u32,

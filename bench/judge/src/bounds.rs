@@ -157,7 +157,7 @@ pub const fn quorum(receivers: usize) -> usize {
 }
 /// The largest accuracies that a receiver may state for a valid position, horizontal and vertical, mm.
 pub const WORST_ACCURACY_MM: [u32; 2] = [30_000, 50_000];
-/// The greatest speed with which a position is valid, mm/s.
+/// A position is valid only up to this speed, mm/s.
 pub const FASTEST_MM_S: u32 = 200_000;
 /// The heights above the ellipsoid at which a valid position may lie, mm.
 pub const ALTITUDE_MM: std::ops::RangeInclusive<i32> = -1_000_000..=20_000_000;
@@ -222,12 +222,12 @@ pub const STATION_AGE_OFF: u64 = 120_000_000;
 pub const STATION_SETTLES: u64 = 1_500_000_000;
 /// The age, ns, beyond which the base station calls a position stale (docs/base-station.md).
 pub const STATION_STALE: u64 = 400_000_000;
-/// The silence, without any profile, after which the base station calls the drone silent.
+/// The base station calls the drone silent when no profile has arrived for this time.
 pub const STATION_SILENT: u64 = 1_000_000_000;
 
 // ---- The lines of the receivers
 
-/// The shortest silence of a line after which HORUS may discard an incomplete message; HORUS waits for 50 ms.
+/// A line must have been silent for this time before HORUS may discard an incomplete message; HORUS waits for 50 ms.
 pub const SILENCE_MAY_END: u64 = 45_000_000;
 /// The silence of a receiver's line after which HORUS must have discarded an incomplete message. HORUS checks every 10
 /// ms whether the line has been silent for 50 ms. If so, it ends the incomplete message with zeros, for which it needs
@@ -266,7 +266,7 @@ pub const STEP_TOLERANCE_SHARE: u64 = 50;
 /// In the search for the sequence, the greatest difference between 10 ms and the time between two cycles
 /// (docs/design.md#sequence).
 pub const SEARCH_TOLERANCE: u64 = 500_000;
-/// The number of consecutive cycles after which the sequence is found (docs/design.md#sequence).
+/// The sequence is found after this number of consecutive cycles (docs/design.md#sequence).
 pub const SEARCH_CYCLES: u8 = 3;
 /// How close an instant must be to a limit of the sequence's times for the judge to accept either outcome. The value is
 /// many times the scatter of the front ends and the error of the DPR's clock (100 ppm of the longest step are 26 µs).
@@ -276,8 +276,7 @@ pub const SEARCH_BAND: u64 = 100_000;
 /// The longest time from the carrier's return until the listener receives frames. A listener whose bring-up was
 /// interrupted or has failed is brought up anew.
 pub const ARMED: u64 = 50_000_000;
-/// The shortest silence, without any frame, after which the DPR may bring its front end up anew; the DPR waits for 0.5
-/// s.
+/// No frame must have come for this time before the DPR may bring its front end up anew; the DPR waits for 0.5 s.
 pub const SILENCE: u64 = 450_000_000;
 /// How long after the frame that ends a [`SILENCE`] the DPR may miss frames and Link-Status may still report a fault. A
 /// bring-up of the front end takes 12 ms.

@@ -190,7 +190,7 @@ impl State {
     }
 }
 
-/// The age, ns, from which on a cycle no longer matters, because no later cycle can continue its sequence.
+/// A cycle that is older than this, ns, no longer matters, because no later cycle can continue its sequence.
 const FORGOTTEN: u64 = 300_000_000;
 
 /// All states that a correct DPR can be in after the frames that have reached its antenna.
@@ -202,7 +202,7 @@ pub struct Expectation {
     /// The instant, ns, until which the listener may miss frames because its carrier has just returned.
     armed: u64,
     last_end: Option<u64>,
-    /// The instant, ns, at which the last whole frame ended that the listener certainly could receive.
+    /// The end, ns, of the last whole frame that the listener certainly could receive.
     last_whole: u64,
     /// The last period, ns, in which the DPR may have concluded from silence that its front end does not receive.
     silence: Range<u64>,

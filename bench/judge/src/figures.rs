@@ -81,7 +81,7 @@ pub struct Faults {
     /// The longest recovery, in cycles of 10 ms, rounded up: from the end of a disturbance until an object that HORUS
     /// sent after that end is read as valid. `None` without disturbances.
     pub max_recovery_cycles: Option<u64>,
-    /// The longest recovery like `max_recovery_cycles`, without disturbances after which a front end had to be brought
+    /// The longest recovery, as in `max_recovery_cycles`, from a disturbance after which no front end had to be brought
     /// up again.
     pub max_recovery_cycles_without_bring_up: Option<u64>,
 }

@@ -188,8 +188,8 @@ impl Outgoing {
         self.byte_start(self.consumed)
     }
 
-    /// Returns the instant, ns, from which fewer than `below` of the FIFO's present `level` bytes are left; `None` if
-    /// there is none.
+    /// Returns the instant, ns, from which fewer than `below` of the `level` bytes that the FIFO holds now are left;
+    /// `None` if there is no such instant.
     pub(crate) fn falls_below(&self, below: usize, level: usize) -> Option<u64> {
         let last = self.consumed + level.checked_sub(below)?;
         (self.started && last < self.total()).then(|| self.byte_start(last))

@@ -31,8 +31,8 @@ pub struct Watched {
     pub is_step: bool,
     /// Whether the task is called at the end of each transfer or wait of a driver that has only one at a time.
     pub is_stepped: bool,
-    /// If two tasks have the same vector, an exception that identifies this task's jobs. It became pending together
-    /// with the task's own exception.
+    /// An exception that tells a job of this task from a job of another task with the same vector. It became pending
+    /// together with the task's own exception.
     pub together: Option<u16>,
 }
 
@@ -132,7 +132,7 @@ struct Job {
     cost: u64,
 }
 
-/// A release of a task after which the demand is not measured yet.
+/// A release of a task. The demand after this release is not measured yet.
 #[derive(Clone, Debug)]
 struct Release {
     at: u64,
@@ -281,8 +281,8 @@ impl Observer {
     }
 
     fn event(&mut self, at: u64, event: Scheduled) {
-        // Just after a change of the clock, a board may still count some cycles by the old clock, so an instant may
-        // seem to step back.
+        // Near a change of the clock, a board may count some cycles by either clock, so an instant may seem to step
+        // back.
         let at = at.max(self.last);
         if matches!(self.phase, Phase::Runs) {
             let last = std::mem::replace(&mut self.last, at);

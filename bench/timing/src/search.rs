@@ -54,7 +54,7 @@ impl Run {
     }
 }
 
-/// Returns the run of which a chart shows the worst cycle: the link with a hold, without faults.
+/// Returns the run whose worst cycle a chart shows: the link with a hold, without faults.
 #[must_use]
 pub fn charted(images: &TimingImages, gps: usize, clock: Clock) -> Run {
     let link = Images { dpr: images.dpr_with_hold.clone(), ..images.link.clone() };

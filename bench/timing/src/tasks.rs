@@ -88,8 +88,8 @@ pub struct Stated {
     pub source: &'static str,
     /// Whether the task is a step of a driver that has only one transfer or wait at a time.
     pub is_step: bool,
-    /// The vector of a task that is called together with this one, if that distinguishes the row from another one of
-    /// the same task.
+    /// The vector of a task that is called together with this one. It is given only if it distinguishes this row from
+    /// another row of the same task.
     pub together: Option<&'static str>,
     /// Whether no code outside the tasks masks all interrupts at the task's release. Code that masks them keeps away
     /// from ticks and slots (`timing::quiet` in horus-tx-fw).

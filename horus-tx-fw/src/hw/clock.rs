@@ -13,8 +13,8 @@
 //!
 //! # Errata (ES0206 rev 24) of the peripherals used here
 //!
-//! - ES0206 2.2.7: a peripheral does not answer for some cycles after its clock is enabled. Measure: the HAL's `enable`
-//!   waits for the write (DSB) before it returns.
+//! - ES0206 2.2.7: a peripheral does not answer for some cycles after its clock is enabled. Workaround: the HAL's
+//!   `enable` waits for the write (DSB) before it returns.
 //!
 //! `unsafe` is used here for the exception handler, and for its access to RCC.
 #![allow(unsafe_code)]

@@ -13,8 +13,8 @@
 //!
 //! # Errata (ES0206 rev 24, and AN4031) of the controllers
 //!
-//! - AN4031: DMA2 may corrupt data when it serves AHB and APB peripherals at once. Measure: DMA2 serves only SPI1 and
-//!   SPI5, which are peripherals of APB2.
+//! - AN4031: DMA2 may corrupt data when it serves AHB and APB peripherals at once. Workaround: DMA2 serves only SPI1
+//!   and SPI5, which are peripherals of APB2.
 //!
 //! `unsafe` is used here for shared access to the controllers' register blocks, for the addresses that a stream is
 //! given, and for flag registers that are written as words.

@@ -15,9 +15,9 @@
 //! # Errata (ES0206 rev 24) of the peripherals used here
 //!
 //! - ES0206 2.12.1, 2.12.5: BSY may stay high when the SPI is disabled, or after a transfer in some modes, which are
-//!   not used here. Measure: the SPI stays enabled, and every wait for BSY has a bound.
-//! - ES0206 2.12.4: the last bit may be corrupted in master mode with delayed SCK feedback. Measure: SCK has a very
-//!   high pad speed, and 9 MHz of the 45 MHz that it may have.
+//!   not used here. Workaround: the SPI stays enabled, and every wait for BSY has a bound.
+//! - ES0206 2.12.4: the last bit may be corrupted in master mode with delayed SCK feedback. Workaround: the pin of SCK
+//!   has the fastest output speed setting, and SCK runs at 9 MHz of the 45 MHz allowed.
 //!
 //! `unsafe` is used here for shared access to the register blocks of SPI1 and TIM5, to start the DMA streams, and for
 //! the EXTI line's port.
@@ -211,8 +211,8 @@ impl Radio {
     /// # Safety
     ///
     /// - Both streams are off.
-    /// - `out` is the address of `len` bytes of a static made of atomics. `into` is the address of as many if `keep` is
-    ///   set, and of one byte otherwise. With `keep` there is no `lead`.
+    /// - `out` is the address of `len` bytes of a static made of atomics. `into` is the address of `len` bytes of such
+    ///   a static if `keep` is set, and of one byte otherwise. With `keep` there is no `lead`.
     unsafe fn begin(&mut self, lead: Option<u8>, out: u32, into: u32, len: usize, keep: bool) {
         let peripheral = spi().dr().as_ptr() as u32;
         let incoming = Transfer {

@@ -9,9 +9,9 @@
 //! # Errata (ES0206 rev 24) of the peripheral
 //!
 //! - ES0206 2.12.1, 2.12.5: BSY may stay high when the SPI is disabled, or after a transfer in some modes, which are
-//!   not used here. Measure: the SPI stays enabled, and no code waits for BSY.
-//! - ES0206 2.12.4: the last bit may be corrupted in controller mode with delayed SCK feedback. Measure: SCK has a very
-//!   high pad speed, and 0.56 MHz of the 45 MHz that it may have.
+//!   not used here. Workaround: the SPI stays enabled, and no code waits for BSY.
+//! - ES0206 2.12.4: the last bit may be corrupted in controller mode with delayed SCK feedback. Workaround: the pin of
+//!   SCK has the fastest output speed setting, and SCK runs at 0.56 MHz of the 45 MHz allowed.
 //!
 //! `unsafe` is used here for shared access to the peripheral's register block, and to start the DMA streams.
 #![allow(unsafe_code)]

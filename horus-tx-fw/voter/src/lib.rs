@@ -210,9 +210,9 @@ impl<const N: usize> Voter<N> {
         Self::excluding(0)
     }
 
-    /// Returns a voter that has not voted since a restart, before which the receivers of the mask `excluded` were
-    /// excluded: they have to agree for [`RETURNS_AFTER_MS`] from now on. A mask that no vote leads to counts as empty:
-    /// one with a receiver that does not exist, or with half of the receivers or more.
+    /// Returns a voter that has not voted since a restart. The receivers of the mask `excluded` were excluded before
+    /// the restart: they have to agree for [`RETURNS_AFTER_MS`] from now on. A mask with a receiver that does not
+    /// exist, or with half of the receivers or more, counts as empty, because no vote leads to it.
     #[must_use]
     pub const fn excluding(excluded: u8) -> Self {
         const { assert!(N >= 1 && N <= MOST_RECEIVERS, "HORUS carries one to five receivers") }

@@ -16,9 +16,9 @@ const SUM_BITS: u32 = 29;
 const MEMBER: u32 = 1 << 16;
 const KEPT: u32 = 1 << 8;
 
-/// Returns the set that wins; 0 if no receiver is eligible. Only sets in `eligible` count in which each pair agrees.
-/// The set with most members wins; among equals that with most of `last`, then that with the least sum of `accuracies`
-/// (m), then that with the lower receiver numbers.
+/// Returns the set that wins; 0 if no receiver is eligible. A set counts only if it consists of receivers in `eligible`
+/// of which each pair agrees. The set with the most members wins. Among equal sets the one with the most receivers of
+/// `last` wins, then the one with the least sum of `accuracies` (m), then the one with the lower receiver numbers.
 ///
 /// `friends[i]` are the receivers that agree with receiver `i`, including itself. Every set is examined once, made from
 /// a smaller set by adding the receiver with the highest number.

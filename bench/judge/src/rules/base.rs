@@ -29,7 +29,7 @@ pub struct Base {
     read: VecDeque<Vec<u8>>,
     /// The profiles on their way, each with the instant, ns, at which it was forwarded.
     outstanding: VecDeque<(u64, Vec<u8>)>,
-    /// The instants, ns, at which profiles arrived that the flight controller had not forwarded.
+    /// The instants, ns, of the arrivals of profiles that the flight controller had not forwarded.
     strange: VecDeque<u64>,
     /// The instant, ns, and the timestamp, ms, of the profile that has to be forwarded at once.
     owed: Option<(u64, u32)>,
@@ -134,7 +134,7 @@ impl Base {
         }
     }
 
-    /// Reports each profile that was forwarded before `until` and did not arrive, neither intact nor changed.
+    /// Reports each profile that was forwarded before `until` and has not arrived, not even with changed bytes.
     fn expire(&mut self, until: Option<u64>, findings: &mut Findings) {
         let Some(until) = until else { return };
         while let Some((at, _)) = self.outstanding.pop_front_if(|(at, _)| *at < until) {

@@ -96,14 +96,14 @@ fn is_newer(number: u16, than: u16) -> bool {
 /// What came from one writer.
 #[derive(Clone, Debug, Default)]
 struct Writer {
-    /// The last new command, and how many uplinks with different timestamps have brought it.
+    /// The commands that came in the last three seconds.
     came: VecDeque<Came>,
-    /// Returns the longest time, ns, for which this command came in uplinks with one and the same timestamp.
+    /// The last new command, and how many uplinks with different timestamps have brought it.
     insists: Option<(Came, u32)>,
 }
 
 impl Writer {
-    /// Returns the longest time, ns, for which uplinks with this command had the same timestamp.
+    /// Returns the longest time, ns, for which this command came in uplinks with one and the same timestamp.
     fn heard_for(&self, number: u16) -> u64 {
         let of = self.came.iter().filter(|came| came.number == number);
         let since = |last: &Came| self.came.iter().find(|came| came.timestamp == last.timestamp).map(|came| came.at);

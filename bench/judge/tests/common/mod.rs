@@ -323,8 +323,8 @@ pub(crate) fn dpr_reset(asked: bool) -> What {
     What::Reset { board: Board::Dpr, cause: Cause::Pin, asked }
 }
 
-/// Returns the indices of the transactions that read the same image as the transaction before, so that the flight
-/// controller forwards nothing.
+/// Returns the indices of those transactions that read the same image as the transaction before. After such a
+/// transaction the flight controller forwards nothing.
 pub(crate) fn repeats(log: &Log) -> Vec<usize> {
     let mut last: Option<&[u8]> = None;
     let mut places = vec![];

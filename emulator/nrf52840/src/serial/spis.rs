@@ -24,7 +24,7 @@ use crate::memory::Memory;
 /// The least number of cycles from CSN to the first edge of SCK (tSPIS,SUCSN).
 const CSN_SETUP: u64 = cycles(1_000);
 const SHORTEST_BYTE: u64 = cycles(1_000);
-/// The cycles by which a limit may be missed without a finding. Clocks have errors, and instants are rounded to a
+/// A limit may be missed by this number of cycles without a finding. Clocks have errors, and instants are rounded to a
 /// cycle.
 const SLACK: u64 = cycles(100);
 

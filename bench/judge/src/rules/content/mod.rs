@@ -63,7 +63,7 @@ struct Line {
     /// The messages that have arrived and that HORUS may not have processed yet.
     arriving: VecDeque<Message>,
     tracks: [Track; 3],
-    /// The instant, ns, at which the last message arrived that HORUS has certainly processed.
+    /// The arrival, ns, of the last message that HORUS has certainly processed.
     heard: Option<u64>,
     /// The latest instant, ns, at which HORUS may have found its last message.
     may_have_heard: Option<u64>,
@@ -94,8 +94,8 @@ impl Line {
         }
     }
 
-    /// Allows HORUS to drop the bytes that it reads until the instant `until`, ns, and the first bytes that it reads
-    /// later.
+    /// Allows HORUS to drop all bytes that it reads until the instant `until`, ns, and the first bytes that it reads
+    /// after it.
     fn doubt(&mut self, until: u64) {
         (self.doubtful, self.unproven) = (self.doubtful.max(until), true);
     }

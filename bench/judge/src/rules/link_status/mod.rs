@@ -69,8 +69,8 @@ struct Sample {
 }
 
 impl Sample {
-    /// Returns a sample that stands for two samples, of which `other` is the newer, and for all possible samples
-    /// between them.
+    /// Returns a sample that stands for this sample, for the newer sample `other`, and for all possible samples between
+    /// them.
     fn or(self, other: Self) -> Self {
         let newest = self.delay.max(other.at.saturating_sub(self.at) + other.delay);
         Self { at: self.at, delay: newest, unsure: self.unsure.max(other.unsure) }
@@ -81,7 +81,7 @@ impl Sample {
 struct Snapshot {
     frame: Option<Delivery>,
     counters: Counters,
-    /// The samples of which one is the last that the DPR accepted.
+    /// The samples that the DPR may have accepted last; one of them it has.
     samples: Vec<Sample>,
     /// Whether it is possible that the DPR has accepted no sample.
     none: bool,
@@ -89,10 +89,11 @@ struct Snapshot {
     must: u8,
     /// The objects of the cycle that the DPR may have accepted; bit n is object n.
     may: u8,
-    /// The instants, ns, until which the DPR must hold the sequence, and until which it may.
+    /// Two instants, ns. The DPR must hold the sequence until the first, and may hold it until the second.
     held: (u64, u64),
     frozen: Certainty,
-    /// The last instants, ns, at which the DPR certainly detected a restart of HORUS, and at which it may have.
+    /// Two instants, ns: the last at which the DPR certainly detected a restart of HORUS, and the last at which it may
+    /// have detected one.
     restarted: [Option<u64>; 2],
     implausible: Certainty,
 }

@@ -60,7 +60,7 @@ pub struct PortRule {
     /// known.
     entries: VecDeque<Entry>,
     fresh: VecDeque<u64>,
-    /// The instant, ns, at which the last transaction ended that may have changed a counter of Port-Status.
+    /// The end, ns, of the last transaction that may have changed a counter of Port-Status.
     written: u64,
     /// The values of Port-Status when it was last read, and the number of transactions since that reading.
     known: (PortValues, u32),
@@ -232,8 +232,8 @@ impl PortRule {
         }
     }
 
-    /// Judges the number of access violations in Link-Status. Both it and the counts in Port-Status must grow by the
-    /// same number, unless a command clears the counts.
+    /// Judges the number of access violations in Link-Status. This number and the counts in Port-Status must grow
+    /// equally, unless a command clears the counts.
     fn counted(&mut self, link: u16, values: &PortValues, selected: u64, findings: &mut Findings) {
         let now = (u32::from(link), values.violations.total(), values.last_command_timestamp);
         let Some(before) = &mut self.counted else { return };

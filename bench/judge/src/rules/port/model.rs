@@ -104,7 +104,8 @@ impl Model {
         }
     }
 
-    /// Returns the state of a DPR of which only Port-Status is known, from an image made at `at`, ns.
+    /// Returns the state of a DPR of which the judge knows only Port-Status. This Port-Status is from an image made at
+    /// `at`, ns.
     pub(super) fn of(values: &PortValues, at: u64) -> Self {
         Self {
             uplinks_accepted: values.uplinks_accepted,

@@ -20,8 +20,8 @@
 //! `NotShown` means that no transaction shows a cycle that must be shown. `Vacant` means that an object is missing
 //! although other objects of its cycle are shown.
 //!
-//! Neither `NotShown` nor `Vacant` is reported for an object whose bytes are reported as a violation of the table or,
-//! by rule `ssi`, as damage. Rule `ssi` also judges whether a transaction may read 0xFF throughout.
+//! If an object's bytes are reported as a violation of the table or, by rule `ssi`, as damage, neither `NotShown` nor
+//! `Vacant` is reported for the object. Rule `ssi` also judges whether a transaction may read 0xFF throughout.
 //!
 //! # A DPR that hangs
 //!
@@ -69,7 +69,7 @@ struct Due {
     from: u64,
     /// The instant, ns, until which each transaction has to show the cycle.
     until: u64,
-    /// The instant, ns, at which the first transaction began that had to show the cycle but did not.
+    /// The beginning, ns, of the first transaction that had to show the cycle but did not.
     asked: Option<u64>,
     /// Whether a transaction showed the cycle, or had another violation in place of it.
     answered: bool,

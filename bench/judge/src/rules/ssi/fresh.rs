@@ -28,7 +28,7 @@ use crate::{Findings, Violation};
 /// The number of rises of FRESH that are kept: more than usually come within one transaction.
 const REMEMBERED: usize = 64;
 
-/// The features of an image by which the judge tells it from others.
+/// The features by which the judge tells an image from other images.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Mark {
     link: Option<LinkValues>,

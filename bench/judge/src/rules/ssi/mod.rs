@@ -31,7 +31,7 @@
 //!   judges. The DPR may replace such an image by one with the same content.
 //! - A transaction that reads an older image than the announced one is [`Violation::FreshNotNew`]. If its objects are
 //!   older than objects read before, another rule reports [`Violation::Regression`] instead.
-//! - A frame that began while [`Excuse::Latency`] holds may become readable at any time, and one that began while
+//! - A frame that began while [`Excuse::Latency`] holds may become readable at any time. A frame that began while
 //!   [`Excuse::Length`] holds has as much time as a frame with a damaged LEN. The time of a repeated frame counts from
 //!   its last arrival, if it began while [`Excuse::Hearing`] holds.
 //! - A cycle that is readable too late after its last bit is not reported again as too late after its tick. A cycle

@@ -89,19 +89,19 @@ pub(super) struct Service {
     quiet_told: bool,
     under_way: bool,
     began: u64,
-    /// The instant, ns, at which the last transaction ended that was longer than a cycle.
+    /// The end, ns, of the last transaction that was longer than a cycle.
     long_ended: u64,
     busy: bool,
     /// Whether the DPR may leave the present transaction unserved.
     may_be_busy: bool,
-    /// The instant, ns, at which FRESH rose first during the transaction that is under way.
+    /// The instant, ns, of the first rise of FRESH during the transaction that is under way.
     rose_within: Option<u64>,
     hold: Option<Hold>,
     /// The instant, ns, until which the DPR pauses and need not detect that a transaction has ended.
     paused_until: u64,
     pending: Option<Pending>,
-    /// The instant, ns, at which FRESH rose for an image that must become readable, if no other limit of time applies
-    /// to that image.
+    /// The instant, ns, of a rise of FRESH whose image must become readable. `None` if another limit of time applies to
+    /// that image.
     claimed: Option<u64>,
     ready_at: Option<u64>,
     rose_at: Option<u64>,

@@ -138,9 +138,9 @@ pub(super) struct Course<T> {
     last: Last<T>,
     /// The results of the vote at the last two ticks; `None` if not known.
     before: [Option<T>; 2],
-    /// The last tick, ns, at which the time for which HORUS holds a jump back certainly began anew.
+    /// HORUS holds a jump back for a certain time. The last tick, ns, at which this time certainly began anew.
     broke: u64,
-    /// The last tick, ns, at which the time for which HORUS holds a jump back may have begun anew.
+    /// The last tick, ns, at which the time of holding a jump back may have begun anew.
     may_have_broken: u64,
 }
 
@@ -149,7 +149,8 @@ impl<T: Mark> Course<T> {
         Self { last: Last::Nothing, before: [None, None], broke: 0, may_have_broken: 0 }
     }
 
-    /// Records that neither the place or altitude shown last nor the results since then are known.
+    /// Records that the place or altitude shown last is not known, and that the results since then are not known
+    /// either.
     pub(super) fn lose(&mut self) {
         self.last = Last::Unknown;
         self.before = [None, None];

@@ -119,7 +119,7 @@ pub(super) enum Ram {
     Kept,
     /// RAM may have kept its content: the supply was off, and the log does not say how low the voltage went.
     MayBeKept,
-    /// RAM lost its content, or the start is a power-on, after which HORUS must not use the content.
+    /// RAM lost its content. A power-on counts as such a loss, because HORUS must not use the content after it.
     Lost,
 }
 
