@@ -21,7 +21,7 @@ fn main() {
         (true, false, false) => ("dpr-fw", &["memory.x", "hot.x"]),
         (false, true, false) => ("horus-tx-fw", &["memory.x"]),
         (false, false, true) => ("hold-fw", &["memory.x"]),
-        // On the host no suite is built, and a build for several boards at once has no common layout.
+        // No suite is built for the host, and a build for several boards at once has no common layout.
         _ => return,
     };
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));

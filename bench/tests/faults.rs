@@ -388,7 +388,7 @@ fn flip<B: Board>(node: &mut Node<B>, address: u64) {
 #[test]
 fn horus_emits_no_field_while_a_bit_of_its_flash_is_wrong() {
     let Some(mut horus) = transmitter() else { return };
-    // Interrupt 0, that of the window watchdog, is never used.
+    // The flipped bit is in the vector of interrupt 0, that of the window watchdog, which is never used.
     let address = unused_vector(0x0800_0000, 0);
     flip(&mut horus.node, address);
     horus.run_for(500 * MS);

@@ -81,7 +81,8 @@ fn a_step_out_of_its_turn_is_found_anywhere_in_the_cycle() {
             let steps = (0..tasks_of(board).len() as u8).filter(|task| is_step(board, *task));
             for (turn, task) in (0..).zip(steps) {
                 let at = BEGINS + 3_300 * US * nth + 1_910 * US * turn;
-                // A busy board accepts no spurious interrupt, but no task that runs then takes longer than 100 µs.
+                // A busy board accepts no spurious interrupt. No task takes longer than 100 µs at these instants, so
+                // the second try comes 100 µs later.
                 let outcome = match spurious(5, clock, board, task, at) {
                     Some(Ok(false)) => spurious(5, clock, board, task, at + 100 * US),
                     first => first,
@@ -182,7 +183,7 @@ fn a_starting_or_busy_board_is_not_ready_for_interrupts() {
         assert!(!restarts_within(&mut horus, time));
         usize::from(horus.is_ready_for_interrupts())
     };
-    // The start masks interrupts for longer than any task runs.
+    // The start masks interrupts for longer than any task runs. So the board is not ready at several instants in a row.
     let started: Vec<usize> = (0..300).map(|_| ready_after(MS)).collect();
     assert!(started.windows(3).any(|of| of == [0, 0, 0]), "{started:?}");
     let mut seen = [0; 2];

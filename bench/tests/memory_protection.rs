@@ -39,7 +39,7 @@ enum Misdeed {
 }
 
 impl Misdeed {
-    /// Returns the instructions of the misdeed, with a branch to itself at the end.
+    /// Returns the forbidden instructions, with a branch to itself at the end.
     fn code(self) -> Vec<u8> {
         const LDR_R1_R0: u16 = 0x6801;
         const STR_R1_R0: u16 = 0x6001;

@@ -62,8 +62,8 @@ use crate::{
 pub const ANSWER_MS: u32 = 1_000;
 /// How often a configuration message is sent to a receiver that talks but does not answer.
 pub const ATTEMPTS: u8 = 3;
-/// How long HORUS waits for an intact message on a UART before it tries the factory's rate, ms. It is longer than any
-/// period that HORUS requests, and than a receiver takes to answer while it computes.
+/// How long HORUS waits for an intact message on a UART before it tries the factory's rate, ms. This is longer than any
+/// period that HORUS requests, and longer than a receiver takes to answer while it computes.
 pub const LISTEN_MS: u32 = 500;
 /// The pause after the message that sets the baud rate, ms. Sending the message takes 5.2 ms, and then the receiver
 /// changes its rate.

@@ -67,8 +67,9 @@ pub const HOLD_TICKS: u8 = 10;
 /// 5 µs, and a handler takes 1 µs at least.
 pub const MOST_SPURIOUS: u8 = 16;
 
-/// The most bus errors between two ticks that do not end a transaction. Each error costs a call of 1 to 2 µs, so
-/// together they cost 0.1 ms of a cycle. A pulse on SDA every 0.2 ms makes 50 errors.
+/// If this number of bus errors comes between two ticks, the event interrupts are switched off until the next tick.
+/// Each error costs a call of 1 to 2 µs, so together they cost 0.1 ms of a cycle. A pulse on SDA every 0.2 ms makes 50
+/// errors.
 pub const MOST_BUS_ERRORS: u8 = 64;
 
 /// The state of the bus at the tick.

@@ -535,7 +535,7 @@ mod app {
             let written = ring.written();
             let (receiver, reader) = kept.get();
             let mut answer = None;
-            // Most calls find nothing new from most receivers, whose states need no verification then.
+            // In most calls most receivers have sent nothing new. Their states then need no verification.
             if reader.waiting(written) > 0 || receiver.is_due(now) || kept.is_unchanged() {
                 answer = change(kept, |(receiver, reader)| {
                     let span = reader.take(written, RING, BYTES_PER_CALL);

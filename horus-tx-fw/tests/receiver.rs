@@ -61,7 +61,7 @@ proptest! {
         prop_assert_eq!(given, accuracies.map(|said| decimal(said as i32, 3)));
     }
 
-    /// Among any four messages in a row, at least one arrives without the loss of a message before it.
+    /// Among any four messages in a row there is at least one before which no message was lost.
     #[test]
     fn messages_that_are_lost_now_and_then_do_not_lengthen_the_period(
         period in prop::sample::select(vec![25u32, 40, 100, 200, 250, 500, 1_000]),

@@ -201,7 +201,8 @@ pub const ARITHMETIC_F32: f32 = 1e-5;
 
 // ---- Flight controller and base station
 
-/// The shortest time for which FRESH is high, which a pin interrupt behind an isolator can detect (docs/hardware.md).
+/// The shortest time for which FRESH is high. A pin interrupt behind an isolator can detect a pulse of this length
+/// (docs/hardware.md).
 pub const FRESH_WIDTH: u64 = 1_500;
 /// The age, ns, beyond which a flight controller must not fly by a position (docs/flight-controller.md).
 pub const CLIENT_AGE_LIMIT: u64 = 100_000_000;

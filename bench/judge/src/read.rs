@@ -233,7 +233,7 @@ impl Asked {
     }
 }
 
-/// Returns whether `bytes` end in the CRC of the bytes before it, big-endian (docs/design.md#crc).
+/// Returns whether the last bytes of `bytes` are the CRC of all bytes before them, big-endian (docs/design.md#crc).
 #[must_use]
 pub fn is_intact(bytes: &[u8]) -> bool {
     bytes.split_last_chunk().is_some_and(|(bytes, crc)| profile::crc::frame(bytes).to_be_bytes() == *crc)

@@ -13,7 +13,7 @@ table! {
     a_radio_that_drops_profiles => Row::new(Violation::BaseMissed, || {
         for_a_while(Fault::Wire(WireFault::RadioDrop))
     });
-    // A single profile is disturbed, because several would disturb the framing too.
+    // A single profile is disturbed. Several disturbed profiles would also disturb the radio's framing.
     a_radio_that_inverts_a_bit => Row::new(Violation::BaseChanged, || {
         Faults::none().with(breaks(), breaks() + 8 * MS, Fault::Wire(WireFault::RadioBit))
     });

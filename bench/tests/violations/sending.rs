@@ -111,7 +111,8 @@ table! {
     a_wrong_table_of_the_position_crc => {
         Row::new(Violation::SentInvalid, || image(poke("crc::POSITION_TABLE", &[0; 1024]), 45 * MS))
     };
-    // HORUS's count of ticks changes before the first tick, because HORUS later compares the count with its vote.
+    // The fault changes HORUS's count of ticks before the first tick. After it, HORUS compares the count with the tick
+    // of its vote and would stop.
     a_count_of_ticks_that_does_not_begin_with_zero => Row {
         also: Some(Violation::HorusComplains),
         ..Row::new(Violation::TimestampWrong, || Faults::none().with(

@@ -37,7 +37,7 @@ fn link_status(byte: usize, bits: u8) -> Faults {
 }
 
 fn regressed() -> Faults {
-    // The fault makes the second transaction that reads an image repeat an older transaction.
+    // The fault makes the second transaction that reads an image repeat the bytes of an older transaction.
     let begins = reads() + CONTROL_CYCLE / 2;
     of_wire(begins, begins + CONTROL_CYCLE, WireFault::MisoReplay { age_ns: CYCLE })
 }
@@ -95,8 +95,8 @@ table! {
         duration: || breaks_with(1) + 2 * CYCLE,
         ..Row::new(Violation::ShownOutOfSequence, || {
             let repeated = AirFaults { repeated: 1.0, repeat_after_ns: (2 * MS, 2 * MS), ..AirFaults::default() };
-            // The flight controller reads after the repetition of the frame, 2 ms after its end, and before the next
-            // frame.
+            // The frame is repeated 2 ms after its end. The flight controller reads after the repetition and before the
+            // next frame.
             let begins = breaks_with(1) + 750 * US;
             hangs(Faults::none().with(begins, begins + CYCLE, Fault::Air(repeated)), begins + CYCLE)
         })
@@ -113,8 +113,8 @@ table! {
         setup: |setup| stores(setup, Board::Dpr, ALWAYS, &[instead(PPI_CHENSET, 2, 0), instead(PPI_CHENSET, 4, 0)]),
         ..Row::new(Violation::ShownExpired, hangs_with_an_image)
     };
-    // A transaction repeats the bytes of an earlier one. The slow clock keeps transactions away from the rises of
-    // FRESH.
+    // A transaction repeats the bytes of an earlier one. The flight controller's slow clock keeps transactions away
+    // from the rises of FRESH.
     regression => Row {
         setup: |setup| setup.crystals.flight_controller_ppb = -1_000_000,
         ..Row::new(Violation::Regression, regressed)

@@ -19,8 +19,8 @@ const TIMER2_CC2: u32 = 0x4000_A548;
 const TICKS_PER_US: u32 = 72;
 /// The slot of the second frame of five receivers, µs after HORUS's tick.
 const SECOND_SLOT_US: u32 = 4_130;
-/// The counts in a microsecond of HORUS's check of its slots: SysTick runs at 18 MHz, and its counts are shifted by 8
-/// bits.
+/// HORUS checks its slots by SysTick, which runs at 18 MHz. The number of counts in a microsecond, as the check shifts
+/// it by 8 bits.
 const SYSTICK_COUNTS_PER_US: u32 = 18 << 8;
 
 fn wire(at: u64, ns: u64, fault: WireFault) -> Faults {
@@ -54,7 +54,7 @@ table! {
         ..Row::new(Violation::NeverReady, || {
             let sealed = ImageFault::Patch { address: 0, bytes: vec![], sealed: true };
             let dead = |task: &str| Fault::Image(Board::Dpr, ImageFault::Dead(task.into()));
-            // Both tasks are dead, because either of them would publish an image.
+            // Both tasks that can publish an image are dead, because either of them alone would publish one.
             let both = Faults::none().with(0, u64::MAX, dead(COMMIT)).with(0, u64::MAX, dead(DEADLINE));
             both.with(0, u64::MAX, Fault::Image(Board::Dpr, sealed))
         })

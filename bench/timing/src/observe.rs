@@ -408,7 +408,7 @@ impl Observer {
                 (true, None) => context.masked.push((priority, context.own, mask <= 0)),
                 (false, Some(place)) => {
                     let (_, since, all) = context.masked.swap_remove(place);
-                    // Masked sections do not delay anything while the firmware starts.
+                    // Masked sections during the start of the firmware are not counted, because they delay no task.
                     if self.started {
                         let longest = seen.masked.entry((context.task, priority, all)).or_default();
                         *longest = (context.own - since).max(*longest);

@@ -13,8 +13,8 @@ const MS: u64 = 1_000_000;
 /// The shortest time, ns, between the ends of two transactions that call `ssi_end`.
 const PAUSE: u64 = PAUSE_US as u64 * US;
 
-/// A window, ns, that is shorter than a cycle of HORUS without its crystal, whose oscillator is up to 5 % fast. A task
-/// may also come 0.1 ms earlier in its cycle than in the cycle before.
+/// A window, ns, that is shorter than the shortest cycle of HORUS. Without its crystal HORUS's oscillator is up to 5 %
+/// fast, and a task may come 0.1 ms earlier in its cycle than in the cycle before.
 const CYCLE: u64 = 9_400 * US;
 
 /// A group of tasks that follow from one chain of causes. The tasks have fixed phases to each other, but any phase to

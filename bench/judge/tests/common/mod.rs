@@ -370,7 +370,8 @@ pub(crate) fn run(gps: usize) -> (Plan, Log, usize) {
     (plan, log, place)
 }
 
-/// Returns the last image that differs from the one in the transaction at index `place` and was read before it.
+/// Returns the last image that was read before the transaction at index `place` and differs from the image in that
+/// transaction.
 pub(crate) fn image_before(log: &Log, place: usize) -> Vec<u8> {
     let mut log = log.clone();
     let now = miso(&mut log, place).clone();

@@ -448,7 +448,7 @@ impl Cycle {
             return others(run);
         };
         if frame.number.is_none() && disturbances.excuse(Excuse::Sending, at) {
-            // A register of the front end that has the frame's length may be wrong.
+            // The front end's register with the frame's length may hold a wrong value.
             return others(run);
         }
         let Some(number) = frame.number.or(disturbances.excuse(Excuse::Damage, at).then_some(0)) else {

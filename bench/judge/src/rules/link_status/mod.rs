@@ -16,8 +16,8 @@
 //! | `LinkFlags` | the frames at the antenna, the DPR's last start, and the injected faults |
 //! | `LinkTime` | the time since the DPR's start |
 //!
-//! An image that breaks rule `ssi`, because of its announcement by FRESH, is not compared. If objects are missing in
-//! the image (rule `shown`), bits 0 and 1 of the status may fit the image or the frames at the antenna.
+//! If FRESH has not announced an image as rule `ssi` requires, the image is not compared. If objects are missing in the
+//! image (rule `shown`), bits 0 and 1 of the status may fit the image or the frames at the antenna.
 //!
 //! While [`Excuse::Hearing`] holds, only the time, the reason of the last reset and the report of a front end that does
 //! not answer are judged. That report must come within [`bounds::FRONT_END_TOLD`]. While [`Excuse::LinkCounters`]

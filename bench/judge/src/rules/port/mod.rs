@@ -187,8 +187,8 @@ impl PortRule {
             findings.add(Violation::PortStatusWrong, selected, || "a self-test failed, and nothing is damaged".into());
         }
         if self.entries.is_empty() {
-            // Without a pending object, Port-Status must show the effect of all written objects. An image that only
-            // replaces an unsound one need not.
+            // If no written object is pending, Port-Status must show the effect of all written objects. An image that
+            // only replaces an unsound one need not show it.
             let shows = previous.is_some_and(|previous| self.written < previous);
             if shows && !disturbances.excuse(Excuse::UnsoundImage, selected) {
                 let (before, transactions) = self.known;
@@ -337,8 +337,8 @@ fn is_intact(writer: usize, read: &[u8]) -> bool {
     }
 }
 
-/// Returns whether Port-Status may state this status bit and age (ms) of an uplink, whose bytes are compared if they
-/// were `read`.
+/// Returns whether Port-Status may state this status bit and age (ms) of an uplink. If the uplink was `read`, its bytes
+/// are compared too.
 fn shows(place: &Place, (fresh, age_ms): (bool, u16), read: Option<&[u8]>, published: u64) -> bool {
     let (stored, at) = match place {
         Place::Unknown => return true,

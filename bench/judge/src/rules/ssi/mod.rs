@@ -23,8 +23,8 @@
 //! - An unsound image is [`Violation::FreshUnreadable`] if FRESH announced it. Otherwise the transaction that read the
 //!   image is judged as torn, misplaced or damaged, in this order.
 //! - While [`Excuse::Service`] holds, the DPR need not serve the flight controller, and damaged bytes are not judged.
-//!   The objects that are read as valid still have to be right ([`super::shown`]), and no image may be late because of
-//!   the flight controller.
+//!   The objects that are read as valid still have to be right ([`super::shown`]). The flight controller's misuse does
+//!   not excuse a late image.
 //! - After a transaction, the DPR pauses for [`SSI_PAUSE`](crate::bounds::SSI_PAUSE) once it is ready again. If the
 //!   next transaction ends within this pause, the time until the DPR must be ready counts from the end of the pause.
 //! - Bytes that are unsound while [`Excuse::UnsoundImage`] holds only have to be rejected, which [`super::shown`]

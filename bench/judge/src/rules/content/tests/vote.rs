@@ -767,7 +767,7 @@ fn horus_is_starting_until_its_first_result() {
     assert_eq!(scene.said(unchanged), []);
     assert_eq!(scene.said(monitoring), REPORTED);
     assert_eq!(scene.said(lost), REPORTED, "there was none");
-    // A cycle without a frame hides from the judge whether the vote had a result in it.
+    // If a cycle has no frame, the judge does not learn whether the vote of that cycle had a result.
     let mut events = scene.events(lost);
     let unseen = tick(STEADY - 5);
     events.without(
