@@ -82,7 +82,7 @@ fn a_bit_stuck_in_a_frames_length_only_makes_it_late() {
         });
         late += latency.filter(|latency| *latency > bounds::LAST_BIT_TO_READABLE).count();
     }
-    // A scrub takes the buffer with the stuck bit out of use, so that at most one frame per buffer is late.
+    // A scrub takes the buffer with the stuck bit out of use, so at most one frame per buffer is late.
     assert!((1..=RECEIVE_BUFFERS).contains(&late), "{late} frames were late");
 }
 

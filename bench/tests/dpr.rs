@@ -162,7 +162,7 @@ fn a_busy_dpr_keeps_its_window_and_ignores_a_request() {
         pass(&mut node, MS / 10);
         rose = node.board_mut(Dpr::take_fresh);
     }
-    // The task of the SSI hangs after the first transaction, so that the DPR stays busy.
+    // The task of the SSI hangs after the first transaction, so the DPR stays busy.
     let hung = ImageFault::Hung("SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1".into()).apply(&mut node).unwrap();
     let image = ask(&mut node, 16, 16, whole);
     assert!(image.iter().any(|byte| *byte != 0xFF));

@@ -149,7 +149,7 @@ const HOLD_TIMER_CHANGES: [(&str, u32, u32); 3] =
 #[test]
 fn the_hold_stops_when_its_cycle_runs_out_of_order_or_time() {
     let Some(mut hold) = boards::hold(1) else { return };
-    // The timer has counted less than the changed compare value, so that it still reaches that value.
+    // The timer has counted less than the changed compare value, so it still reaches that value.
     assert!(!restarts_within(&mut hold, 225 * MS));
     let line = |vector| Nrf52840::exception(vector).unwrap() - 16;
     let mut stops = vec![];

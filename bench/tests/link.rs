@@ -169,7 +169,7 @@ fn bit_errors_cost_the_objects_they_hit_and_nothing_invalid_is_shown() {
 
 #[test]
 fn lost_frames_are_missed_counted_and_their_successors_arrive() {
-    // The run ends between two frames, so that a lost frame counts as missed.
+    // The run ends between two frames, so a lost frame counts as missed.
     let Some(mut setup) = setup(3, 595) else { return };
     setup.faults = Faults::of_air(AirFaults { lost: 0.2, ..AirFaults::default() });
     let report = outcome(&setup).report;

@@ -289,7 +289,7 @@ fn drawn_failures(clock: Clock, seed: u64, failures: u64, table: &mut [Table; Bu
             for other in &others {
                 assert!(of(entry, *other), "{}: GPS{} at {}", what(), other + 1, entry.at_ns);
             }
-            // The two receivers without a fault may disagree, so that HORUS cannot tell which is right.
+            // The two receivers without a fault may disagree, so HORUS cannot tell which is right.
             let apart = may_disagree(entry.gps[others[0]].unwrap(), entry.gps[others[1]].unwrap());
             row.apart += u64::from(apart);
             assert!(apart || entry.reported.is_some_and(|reported| reported.valid), "{}: at {}", what(), entry.at_ns);

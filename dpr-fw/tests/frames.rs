@@ -51,7 +51,7 @@ struct World {
     now: u64,
     air: VecDeque<(u64, AirEvent)>,
     transfer: Option<Transfer>,
-    /// Whether SPIM0 hangs, so that started transfers never end.
+    /// Whether SPIM0 hangs. If so, started transfers never end.
     stuck: bool,
     irq: bool,
     irq_rose_ns: u64,

@@ -120,7 +120,7 @@ pub struct Reading {
     pub deselected: u64,
     /// The offset in the map of the first byte that the transaction read.
     pub offset: usize,
-    /// Whether every byte was read as 0xFF, because the DPR was busy or no image was readable.
+    /// Whether every byte was read as 0xFF. This happens if the DPR was busy or no image was readable.
     pub silent: bool,
     /// The values of Link-Status, or why it was rejected; `None` if the transaction did not read Link-Status
     /// completely.

@@ -168,7 +168,7 @@ fn an_answer_that_begins_under_the_mask_timer_is_not_received() {
 
 #[test]
 fn a_listener_without_load_modulation_stays_mute() {
-    // HORUS link's listener has these settings. The driver's resistance never changes, so that the listener does not
+    // HORUS link's listener has these settings. The driver's resistance never changes, so the listener does not
     // modulate.
     let mut pair = exact_pair();
     pair.spi(Side::Listener, &[0x29, 0xFF]);

@@ -94,8 +94,8 @@ table! {
     a_second_frame_in_a_late_slot_makes_its_sample_late => Row {
         gps: 5,
         ..Row::new(Violation::LateSample, || {
-            // The firmware checks its slots by SysTick, so that the expected times are changed as well: 4010 µs between
-            // the slots, and 5870 µs to the tick. The compiler adds either time in two parts.
+            // The firmware checks its slots by SysTick, so the expected times are changed as well: 4010 µs between the
+            // slots, and 5870 µs to the tick. The compiler adds either time in two parts.
             [
                 (SECOND_SLOT_US * TICKS_PER_US, (SECOND_SLOT_US + 2_230) * TICKS_PER_US),
                 (4_010 * SYSTICK_COUNTS_PER_US - 0x1_F400, 6_240 * SYSTICK_COUNTS_PER_US - 0xC000),

@@ -128,8 +128,8 @@ fn mute(seen: &Shows) -> bool {
     seen.received == 8 && seen.fresh.0 >= 10 && seen.intact == 0 && seen.valid == 0 && seen.restarts.is_empty()
 }
 
-/// Returns whether frames are received and published, but every transaction reads only an undriven line or SPIS's
-/// default character.
+/// Returns whether every transaction reads only an undriven line or SPIS's default character. Frames must be received
+/// and published all the same.
 fn mute_and_silent(seen: &Shows) -> bool {
     mute(seen) && seen.silent == seen.all
 }
@@ -285,8 +285,8 @@ fn restarts_by_watchdog(seen: &Shows) -> bool {
     seen.restarts == [Reset::Watchdog("WDT"); 2]
 }
 
-/// Returns whether images are published late, because the firmware detects the end of a transfer only after the
-/// driver's wait of 2 ms.
+/// Returns whether images are published late. The firmware then detects the end of a transfer only after the driver's
+/// wait of 2 ms.
 fn publishes_late(seen: &Shows) -> bool {
     seen.received == 8 && seen.publish_us > 1_000
 }

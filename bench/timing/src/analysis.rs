@@ -134,7 +134,7 @@ fn fixed_point(work: u64, interference: &[Interference<'_>], limit: u64) -> Opti
     None
 }
 
-/// Returns whether these tasks demand more than the whole processor, so that there is no bound.
+/// Returns whether these tasks demand more than the whole processor. If so, there is no bound.
 fn overloads(own: Arrivals, cost: u64, interference: &[Interference<'_>]) -> bool {
     let share = |arrivals: Arrivals, cost: u64| (arrivals.most * cost) as f64 / arrivals.within as f64;
     let others = interference.iter().map(|it| match *it {

@@ -187,7 +187,7 @@ pub struct Observer {
     phase: Phase,
     /// The instant of the last event.
     last: u64,
-    /// Whether a task has run since the last reset, so that the firmware has started.
+    /// Whether a task has run since the last reset. If so, the firmware has started.
     started: bool,
     resets: u64,
     /// The finished jobs that a demand may still include, in order of their ends.

@@ -112,7 +112,7 @@ pub(crate) struct SsiPort {
     spis: pac::SPIS1,
     timer: pac::TIMER2,
     pause: pac::TIMER3,
-    /// The pins belong to this type, so that no other code configures them.
+    /// The pins belong to this type, so no other code configures them.
     _pins: SsiPins,
     /// The area that receives the next transaction's bytes; `None` only within `hand_over`.
     area: Option<Filling<AreaBuffer>>,

@@ -87,7 +87,7 @@ enum Mutation {
     EventClearedBeforeTimer,
     /// Mutation: there is no pause after a transaction, so each end of a transaction calls the SSI task.
     NoPause,
-    /// Mutation: a pause begins although its compare is not set, so that the pause never ends.
+    /// Mutation: a pause begins although its compare is not set, so the pause never ends.
     PauseWithoutEnd,
     /// Mutation: a new pause begins without clearing the event of the previous pause's end, which then ends the new
     /// pause.

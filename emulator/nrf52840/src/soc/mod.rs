@@ -77,7 +77,7 @@ pub(crate) struct Soc {
     pub(crate) watchdog_resets: Vec<WatchdogReset>,
     pub(crate) spis_wires: Option<SpisWires>,
     restarting: Option<Reset>,
-    /// Whether nothing happens in the part, because it waits for its restart.
+    /// Whether the part waits for its restart. If so, nothing happens in it.
     halted: bool,
     off: bool,
     held: bool,

@@ -149,7 +149,7 @@ impl Line {
         self.unproven = true;
     }
 
-    /// Returns whether the receiver may have sent two messages of one kind in one cycle, so that GPS objects show only
+    /// Returns whether the receiver may have sent two messages of one kind in one cycle. If so, GPS objects show only
     /// the second.
     fn hurried(&self, tick: u64) -> bool {
         let by = tick + bounds::SAMPLED_AFTER_TICK;

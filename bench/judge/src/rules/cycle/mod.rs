@@ -52,7 +52,7 @@ const LETS_GO: u64 = 100;
 #[derive(Clone, Copy, Debug)]
 struct Command {
     at: u64,
-    /// Whether the frame that was commanded may be missing, because the field was off or HORUS hung.
+    /// Whether the frame that was commanded may be missing. This is so if the field was off or HORUS hung.
     cut_off: bool,
 }
 
@@ -86,7 +86,7 @@ struct Tick {
     number: Number,
     /// Whether the cycle has a violation.
     blamed: bool,
-    /// Whether the cycle's frames may be missing, because the field was off or HORUS hung.
+    /// Whether the cycle's frames may be missing. This is so if the field was off or HORUS hung.
     cut_off: bool,
     /// For each frame of the cycle, the instants, ns, of its command and of its first preamble bit.
     frames: [Option<(u64, u64)>; 2],

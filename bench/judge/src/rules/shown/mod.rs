@@ -71,7 +71,7 @@ struct Due {
     until: u64,
     /// The beginning, ns, of the first transaction that had to show the cycle but did not.
     asked: Option<u64>,
-    /// Whether a transaction showed the cycle, or had another violation in place of it.
+    /// Whether a transaction showed the cycle, or another violation was reported in its place.
     answered: bool,
 }
 

@@ -43,9 +43,9 @@ impl Mark {
         (mark != Self { link: None, stamp: None }).then_some(mark)
     }
 
-    /// Returns whether this image was made after the image `before`, by its time, its counters and the age of its
-    /// sample. The order of two images with different status is uncertain, because they may follow each other within a
-    /// millisecond.
+    /// Returns whether this image was made after the image `before`, which follows from the times, the counters and the
+    /// ages of the samples. The order of two images with different status is uncertain, because they may follow each
+    /// other within a millisecond.
     fn is_newer_than(&self, before: &Self) -> bool {
         let Some((now, then)) = self.link.zip(before.link) else { return self.stamp != before.stamp };
         let counters = |link: LinkValues| {

@@ -51,7 +51,7 @@ struct Hold {
 struct Pending {
     /// The instant, ns, from which [`bounds::SSI_READY`] counts: the end of the transaction, or of a pause.
     since: u64,
-    /// Whether the DPR must become ready, because there is an image to be read.
+    /// Whether there is an image to be read, so that the DPR must become ready.
     owed: bool,
 }
 
