@@ -1,4 +1,4 @@
-//! Tests HORUS's release program without the board's external clock, which is absent from the start (as on a NUCLEO
+//! Tests HORUS's release program without the board's external clock. The clock is absent from the start (as on a NUCLEO
 //! whose ST-LINK has no power) or fails later.
 
 use crate::{boards, reader};

@@ -16,10 +16,10 @@
 //! - While no frames come, each deadline publishes an image without objects, so that the last objects do not stay
 //!   readable.
 //!
-//! The deadline is an instant on the DPR's µs counter, counted from the end of the last frame. Two tasks do the same,
-//! one started by a frame and one by the timer: they take in the frames that wait, call [`Commit::check_deadline`], and
-//! set the timer to [`Commit::deadline_us`]. A deadline that passed before a frame ended is handled before that frame,
-//! so the images do not depend on the order of the two tasks.
+//! The deadline is an instant on the DPR's µs counter, counted from the end of the last frame. Two tasks do the same
+//! work: a frame starts the one, and the timer starts the other. Each takes in the frames that wait, calls
+//! [`Commit::check_deadline`], and sets the timer to [`Commit::deadline_us`]. A deadline that passed before a frame
+//! ended is handled before that frame, so the images do not depend on the order of the two tasks.
 //!
 
 use core::hint::black_box;

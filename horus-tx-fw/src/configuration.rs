@@ -22,11 +22,11 @@
 //! The settings go into the receiver's RAM, which loses them without a supply. After a receiver was silent, HORUS
 //! therefore repeats the messages until one is answered.
 //!
-//! **UART.** A receiver with factory settings uses 38 400 baud. If no intact UBX message has come for [`LISTEN_MS`]
-//! after the first message at the usual rate, HORUS sets the receiver's baud rate by a message at the factory's rate,
-//! and then sends the first message at the usual rate again. HORUS never sends at another rate to a receiver that
-//! talks: u-blox's receivers close their input for up to a second after 100 framing errors ("More than 100 frame
-//! errors, UART RX was disabled").
+//! **UART.** A receiver with factory settings uses 38 400 baud. HORUS sends its first message at the usual rate and
+//! waits for an intact UBX message. If none has come for [`LISTEN_MS`], HORUS sets the receiver's baud rate by a
+//! message at the factory's rate, and then sends the first message at the usual rate again. HORUS never sends at
+//! another rate to a receiver that talks: u-blox's receivers close their input for up to a second after 100 framing
+//! errors ("More than 100 frame errors, UART RX was disabled").
 //!
 //! **Bounds.** HORUS waits [`ANSWER_MS`] for each answer at most. To a receiver that talks and does not answer, HORUS
 //! sends nothing more after [`ATTEMPTS`] messages, until the receiver has been silent.

@@ -11,10 +11,11 @@
 //! tick ── START ─ 0x84 0xFD ─ RESTART ─ 0x85 high low ─ RESTART ─ 0x85 byte … byte ─ STOP ── … ── tick
 //! ```
 //!
-//! *A single byte* is never read by itself: the STM32F4's I2C needs the acknowledge switched off and the STOP requested
-//! within the time of that byte (RM0090, "I2C", master receiver), which no task of this priority can guarantee. If one
-//! byte waits, registers 0xFD, 0xFE and 0xFF are read together. From two bytes on, the end of the DMA transfer makes
-//! the peripheral refuse the last byte (LAST), and the peripheral then waits for STOP or START as long as needed.
+//! *A single byte* is never read by itself. For such a read, the STM32F4's I2C needs the acknowledge switched off and
+//! the STOP requested within the time of that byte (RM0090, "I2C", master receiver). No task of this priority can
+//! guarantee that. If one byte waits, registers 0xFD, 0xFE and 0xFF are read together. From two bytes on, the end of
+//! the DMA transfer makes the peripheral refuse the last byte (LAST). The peripheral then waits for STOP or START as
+//! long as needed.
 //!
 //! *Bounds*: a transaction that has not ended by the next tick has failed. The peripheral is then reset and
 //! disconnected from its pins. Nine clocks and a STOP free a receiver that holds SDA (UM10204, "Bus clear"), one level

@@ -15,10 +15,10 @@
 //!
 //! # Sources
 //!
-//! - Timing: u-blox, *NEO-M8P data sheet* (UBX-15016656), "SPI timing diagrams", recommends > 10 µs from chip select to
-//!   the first clock, 1 ms between two selections, at most 5.5 MHz, and **at least 8 µs from byte to byte** (125 kB/s,
-//!   which the F9 data sheets name as the maximum transfer rate too). A DMA transfer has no gaps between bytes, so the
-//!   bit rate has to keep the byte period: 562.5 kHz ([`crate::timing::GNSS_SPI_HZ`]), 14.2 µs a byte.
+//! - Timing: u-blox, *NEO-M8P data sheet* (UBX-15016656), "SPI timing diagrams". It recommends > 10 µs from chip select
+//!   to the first clock, 1 ms between two selections, at most 5.5 MHz, and **at least 8 µs from byte to byte**. The F9
+//!   data sheets also name the resulting 125 kB/s as the maximum transfer rate. A DMA transfer has no gaps between
+//!   bytes, so the bit rate has to keep the byte period: 562.5 kHz ([`crate::timing::GNSS_SPI_HZ`]), 14.2 µs a byte.
 //! - Source of the rules for filler: u-blox, *ZED-F9T and ZED-F9K integration manuals*, "SPI interface", read access.
 
 use crate::{

@@ -7,8 +7,8 @@ pub const TICK_TO_COMMAND_JITTER: u64 = 100;
 pub const TICK_TO_COMMAND_JITTER_PESSIMISTIC: u64 = 1_000;
 /// The largest spread, peak to peak, of the time from a HORUS tick to the first bit on air (docs/design.md#timing).
 pub const TICK_TO_AIR_JITTER: u64 = 3_000;
-/// The longest time from a frame's last bit until its image is readable, for a DPR that reads the frame from the front
-/// end while it arrives: docs/design.md#timing.
+/// The longest time from a frame's last bit until its image is readable: docs/design.md#timing. This bound is for a DPR
+/// that reads the frame from the front end while the frame arrives.
 pub const LAST_BIT_TO_READABLE: u64 = 100_000;
 /// The longest time from the end of an SSI transaction until the DPR is ready for the next one: docs/design.md#timing.
 pub const SSI_READY: u64 = 10_000;
@@ -113,7 +113,7 @@ pub const TOO_OLD: u64 = 50_000_000;
 pub const READ_AT_ONCE: u64 = 256;
 /// The dynamic model that every receiver must use: airborne below 2 g, as u-blox' CFG-NAVSPG-DYNMODEL numbers it.
 pub const DYNAMIC_MODEL: u8 = 7;
-/// The longest time until HORUS has sent a receiver its settings, counted from HORUS's start, from the loss of a
+/// The longest time until HORUS has sent a receiver its settings. It counts from HORUS's start, from the loss of a
 /// setting, or from the end of a fault.
 ///
 /// To set a receiver, HORUS waits for 1.5 s, tries two bit rates for 0.7 s each, and waits 1 s for the answer to each
@@ -250,8 +250,8 @@ pub const EXPIRY_EARLIEST: u64 = EXPIRY - EXPIRY / 50;
 pub const AIR_DELAY: u64 = 1_000;
 /// The longest time from the forwarding of a profile to its arrival at the base station.
 pub const DOWNLINK: u64 = 100_000_000;
-/// The longest time from a frame's end, or a deadline, until a transaction can read the resulting image, if no narrower
-/// limit applies. It covers up to three more transfers with the DPR's front end and one more commit.
+/// The longest time from a frame's end, or from a deadline, until a transaction can read the resulting image, if no
+/// narrower limit applies. It covers up to three more transfers with the DPR's front end and one more commit.
 pub const PUBLICATION: u64 = 400_000;
 /// The limit [`PUBLICATION`] for runs on the pessimistic clock.
 pub const PUBLICATION_PESSIMISTIC: u64 = 1_000_000;

@@ -2,8 +2,8 @@
 
 /// The calls and SPI bytes that the second port has used in the present window of [`Budget::WINDOW_US`].
 ///
-/// On the bench, the second port takes 60 calls and 500 SPI bytes in a window while the hold keeps to its period, and
-/// 101 calls in a window with a bring-up of its chip.
+/// On the bench, the second port takes 60 calls and 500 SPI bytes in a window while the hold keeps to its period. In a
+/// window with a bring-up of its chip, the second port takes 101 calls.
 #[derive(Clone, Copy, Debug)]
 pub struct Budget {
     window_us: u32,

@@ -18,8 +18,9 @@
 //! | timers | the deadline of the next frame; both compares of the expiry; the end of the pause after a transaction |
 //! | RAM | a bit gets stuck; a store that no fence holds back comes late |
 //!
-//! Two halves stand for all words of a buffer. The processor and EasyDMA both access a buffer from its start to its
-//! end, so they meet at a single point, with one half before that point and one after it.
+//! Two halves stand for all words of a buffer. They suffice, because the processor and EasyDMA both access a buffer
+//! from its start to its end. The two therefore meet at a single point of the buffer, with one half before that point
+//! and one after it.
 //!
 //! loom explores threads on the memory model of C11. These tests have no threads: interrupts of one core, which have
 //! priorities and run to their end, meet hardware that runs no program.

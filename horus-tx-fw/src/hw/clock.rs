@@ -7,9 +7,9 @@
 //!
 //! **Clock security system.** From the moment at which HSE is ready, hardware compares it with HSI. When HSE fails, the
 //! hardware switches HSE and the PLL off, lets the processor run on HSI's 16 MHz, and raises the non-maskable interrupt
-//! (RM0090 "Reset and clock control", clock security system). With the clock nine times too slow neither the cycle nor
-//! the baud rates hold, so the board enters the safe state: field off, then reset by the watchdog, which has its own
-//! oscillator (LSI). At the next start HORUS runs on HSI, with all dividers as they should be.
+//! (RM0090 "Reset and clock control", clock security system). The clock is then nine times too slow, so neither the
+//! cycle nor the baud rates hold. Therefore the board enters the safe state: field off, then reset by the watchdog,
+//! which has its own oscillator (LSI). At the next start HORUS runs on HSI, with all dividers as they should be.
 //!
 //! # Errata (ES0206 rev 24) of the peripherals used here
 //!

@@ -66,9 +66,9 @@ pub const MOST_HORIZONTAL_ACCURACY_MM: u32 = 30_000;
 /// The largest vertical accuracy, mm: 50 m (decision 15, candidates).
 pub const MOST_VERTICAL_ACCURACY_MM: u32 = 50_000;
 
-/// The latency of the candidate in the middle, ms. A latency is the time from the epoch of a position to its arrival,
-/// in which the receiver computes and sends the position (decision 15, paragraph "Brought to the tick"; u-blox data
-/// sheets and recordings: 40 to 80 ms).
+/// The latency of the candidate in the middle, ms (decision 15, paragraph "Brought to the tick"; u-blox data sheets and
+/// recordings: 40 to 80 ms). A latency is the time from a position's epoch to its arrival, in which the receiver
+/// computes and sends the position.
 pub const LATENCY_MS: i32 = 50;
 /// How much the latency of a candidate may differ from that of the candidate in the middle, ms (decision 15, paragraph
 /// "Brought to the tick").

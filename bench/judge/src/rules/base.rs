@@ -1,7 +1,7 @@
 //! Compares the objects that the base station shows with those that the flight controller forwarded.
 //!
-//! The flight controller has to forward a profile at once when a transaction reads it complete and intact, unless it
-//! has already forwarded that cycle. While [`Excuse::Service`] holds, it need not forward profiles.
+//! When a transaction reads a profile complete and intact, the flight controller has to forward this profile at once,
+//! unless it has already forwarded that cycle. While [`Excuse::Service`] holds, it need not forward profiles.
 //!
 //! # One cause, one violation
 //!

@@ -28,9 +28,9 @@
 //!
 //! # A board that hangs
 //!
-//! If the bench stops a board's core, the board's watchdog must restart the board within the watchdog's longest time,
-//! unless the board restarts for another reason or loses its supply first. That restart is no violation. Until it
-//! comes, misuse of the board's front end is not reported.
+//! If the bench stops a board's core, the board's watchdog must restart the board within the watchdog's longest time.
+//! This is not required if the board restarts for another reason or loses its supply first. The watchdog's restart is
+//! no violation. Until it comes, misuse of the board's front end is not reported.
 //!
 //! A board with a dead task ([`Disturbance::DeadTask`]) is judged like a board that hangs, with two differences. Its
 //! watchdog may be fed once more, because the dead task may have checked in just before. Misuse of its front end is

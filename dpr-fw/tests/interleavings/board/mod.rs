@@ -2,7 +2,7 @@
 //! at once, unless a lock masks it or a task of the same or a higher priority runs.
 //!
 //! The tasks call the library as `main.rs` does, and the ports make the same register accesses as `hw/ssi.rs`, in the
-//! same order. Before each access and each critical section is a *point*, at which events of the hardware may happen,
+//! same order. Before each access and each critical section is a *point*. At a point, events of the hardware may happen
 //! any number of times, and tasks that become ready run.
 
 mod buffer;

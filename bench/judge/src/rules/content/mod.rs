@@ -7,8 +7,8 @@
 //! the tick. It may show a message that arrived up to [`bounds::SAMPLED_AFTER_TICK`] after the tick.
 //!
 //! A GPS object's values and status are compared bit by bit; `track` determines the status bits by the message's age.
-//! HORUS may miss a message whose line was disturbed, whose bytes came before HORUS's first tick, or that lies within
-//! bytes that look like another message.
+//! HORUS may miss a message in three cases: the line was disturbed, the message's bytes came before HORUS's first tick,
+//! or they lie within bytes that look like another message.
 //!
 //! # What is not judged
 //!
@@ -94,8 +94,8 @@ impl Line {
         }
     }
 
-    /// Allows HORUS to drop all bytes that it reads until the instant `until`, ns, and the first bytes that it reads
-    /// after it.
+    /// Allows HORUS to drop all bytes that it reads until `until`, ns, and the first bytes that it reads after this
+    /// instant.
     fn doubt(&mut self, until: u64) {
         (self.doubtful, self.unproven) = (self.doubtful.max(until), true);
     }
