@@ -1,8 +1,8 @@
 //! Tests which accesses the memory protection units refuse, and how the log names the cause of the stop.
 //!
 //! A task of each release program is overwritten with a few forbidden instructions. The board must enter its safe state
-//! at once, its watchdog must restart it, and the next start must report the cause, in the log and as the code of
-//! `firmware_common::last_stop` in the telemetry.
+//! at once, and its watchdog must restart it. The next start must report the cause in the log and, as the code of
+//! `firmware_common::last_stop`, in the telemetry.
 
 use crate::{boards, reader};
 

@@ -43,8 +43,8 @@
 //! # Sources
 //!
 //! - Sources of the keys: semuconsulting/pyubx2 (`ubxtypes_configdb.py`), aortner/ubloxcfg and the `ublox` crate
-//!   (`cfg_val.rs`), which agree. The crate has neither NAV-ATT's keys nor a way to leave the thousand other keys out
-//!   of flash, so the few keys that HORUS needs are written here.
+//!   (`cfg_val.rs`), which agree. The crate lacks NAV-ATT's keys, and has no way to leave the thousand other keys out
+//!   of flash. So the few keys that HORUS needs are written here.
 //! - Sources of the dynamic models: u-blox, *ZED-F9R integration manual* (UBX-20039643), "Dynamic platform", tables of
 //!   the models and of their limits; key and values: *M10 interface description* (UBX-21035062), CFG-NAVSPG-DYNMODEL,
 //!   and pyubx2; PX4's `GPS_UBX_DYNMODEL`. Open: the integration manual says that the ZED-F9R's sensor fusion is

@@ -7,8 +7,8 @@
 //! time: chip select falls, [`SETUP_US`] pass, DMA transfers the bytes, [`HOLD_US`] pass, and chip select rises.
 //!
 //! *Filler* is removed by [`Filter`] before the bytes go into the ring. The filter follows the messages, since 0xFF is
-//! legal inside a message. It does not follow a message that is longer than the parser takes, so that a damaged length
-//! does not let 64 KiB of filler pass.
+//! legal inside a message. It does not follow a message that is longer than the parser takes. Otherwise a damaged
+//! length would let 64 KiB of filler pass.
 //!
 //! *A message to the receiver* is at the start of a transfer: after more than CFG-SPI-MAXFF (factory setting: 50)
 //! filler bytes in a row the receiver may ignore its input until chip select rises.

@@ -44,8 +44,8 @@ pub const GNSS_I2C_LOW_NS: u32 = 2_000;
 
 /// The number of timer ticks in a µs.
 pub const TICKS_PER_US: u32 = TIMER_HZ / 1_000_000;
-/// The timer ticks that make a µs of the front end's waits on the internal oscillator, which is up to 4.5 % fast
-/// (DS9405). A wait that ended early would cut a frame off.
+/// The number of timer ticks in a µs of the front end's waits. It is chosen for the internal oscillator, which is up to
+/// 4.5 % fast (DS9405), because a wait that ended early would cut a frame off.
 pub const INTERNAL_TICKS_PER_US: u32 = TICKS_PER_US + TICKS_PER_US.div_ceil(20);
 /// The number of timer ticks in a cycle: 720 000, exactly 10 ms.
 pub const PERIOD_TICKS: u32 = TIMER_HZ / 1_000 * profile::CYCLE_MS;

@@ -471,8 +471,8 @@ fn a_silent_receiver_still_counts_as_silent_when_the_clock_wraps() {
     }
 }
 
-/// In recordings of real receivers, the parser must find exactly those NAV-PVT messages that a plain search for sync
-/// bytes finds, which computes checksums by itself. Without recordings the test is skipped.
+/// In recordings of real receivers, the parser must find exactly the NAV-PVT messages that a plain search finds. The
+/// search looks for sync bytes and computes checksums by itself. Without recordings the test is skipped.
 #[test]
 fn recordings_of_real_receivers_are_read_in_full() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/ubx");

@@ -10,8 +10,8 @@
 //! receiver, and at most the sum of both bounds away from the truth. If all three receivers are members, the median
 //! lies between the two right ones or on one of them.
 //!
-//! While the two right receivers agree with each other, there is a result at every tick. If they disagree, which is
-//! rare, nobody can tell which of them is right, and only the bound of the result's error is checked.
+//! While the two right receivers agree with each other, there is a result at every tick. They rarely disagree. If they
+//! do, nobody can tell which of them is right, and only the bound of the result's error is checked.
 
 use std::sync::Arc;
 

@@ -2,9 +2,9 @@
 //!
 //! # Design
 //!
-//! A receiver is an iterator of [`Burst`]s in order of time. It calculates each burst when it is asked for it, from the
-//! state before, so a run of any length needs no memory. A burst starts only when the one before has left the line, at
-//! the receiver's bit rate.
+//! A receiver is an iterator of [`Burst`]s in order of time. It calculates a burst only when it is asked for it, from
+//! the state before that burst. So a run of any length needs no memory. A burst starts only when the one before has
+//! left the line, at the receiver's bit rate.
 //!
 //! A generated receiver starts as if HORUS had configured it before; [`Receiver::with_factory_settings`] returns one
 //! that HORUS has yet to configure. A message to the receiver ([`Receiver::hear`]) may change its output; the next

@@ -119,7 +119,7 @@ pub const DYNAMIC_MODEL: u8 = 7;
 /// To set a receiver, HORUS waits for 1.5 s, tries two bit rates for 0.7 s each, and waits 1 s for the answer to each
 /// of two messages.
 pub const SETTINGS_TOLD: u64 = 5_000_000_000;
-/// The longest time until HORUS must send a valid position, counted from HORUS's start or from when enough receivers
+/// The longest time until HORUS must send a valid position. It counts from HORUS's start, or from when enough receivers
 /// work again.
 ///
 /// To have a valid position, HORUS sends the receivers their settings, waits for the slowest receiver's solution, and
@@ -336,6 +336,6 @@ pub const SAFE_STATE: u64 = 1_000_000;
 pub const SCRUBBED_CYCLES: u32 = 8;
 /// The time after a flight controller's misuse of the SSI in which the judge requires nothing of the DPR.
 pub const MISUSE_OVER: u64 = 2 * CYCLE;
-/// The longest time from a frame's last bit until its image is readable, if the DPR reads the FIFO only at the frame's
-/// end: docs/design.md#timing. The DPR also does so if the frame's LEN was damaged.
+/// The longest time from a frame's last bit until its image is readable: docs/design.md#timing. This bound is for a DPR
+/// that reads the FIFO only at the frame's end. The DPR also does so if the frame's LEN was damaged.
 pub const STORE_AND_FORWARD: u64 = 360_000;

@@ -176,8 +176,8 @@ pub struct Observer {
     priorities: Vec<i16>,
     group_horizon: u64,
     contexts: Vec<Context>,
-    /// The pending exceptions, each with the instant (ns) at which it became pending, and with the unfinished jobs at
-    /// that instant and their running times.
+    /// The pending exceptions, each with the instant (ns) at which it became pending. Each also has the jobs that were
+    /// unfinished at that instant, and their running times.
     pending: BTreeMap<u16, (u64, Vec<(u64, u64)>)>,
     /// The instant, ns, at which each exception last became pending.
     pended: BTreeMap<u16, u64>,

@@ -54,8 +54,8 @@ impl Group {
         }
     }
 
-    /// Returns how the delay by this group is bounded for its own tasks, which have fixed phases if they follow from
-    /// one chain of causes.
+    /// Returns how the delay by this group is bounded for the group's own tasks. They have fixed phases if they follow
+    /// from one chain of causes.
     #[must_use]
     pub const fn on_itself(self) -> Bounded {
         match self {

@@ -3,7 +3,7 @@
 //! # Design
 //!
 //! The HAL sets up clocks and the watchdog. This folder has what the HAL's types do not offer: DMA streams that run for
-//! ever or are finished in another task, a timer whose period must not be rounded, and pins set up from a table.
+//! ever or that another task finishes, a timer whose period must not be rounded, and pins that are set up from a table.
 //!
 //! | module | what it holds |
 //! |---|---|

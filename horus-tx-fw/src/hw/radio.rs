@@ -8,9 +8,9 @@
 //!
 //! The SPI runs in mode 1 (CPOL 0, CPHA 1; DS13541, SPI interface) at 72 MHz / 8 = 9 MHz, most significant bit first.
 //!
-//! [`field_off`] relies on no earlier set-up, so that it also works in the first instructions of the start, and after
-//! the clock security system has switched the PLL off. The SPI then runs at 2 or 1 MHz. The bounds of its waits, in
-//! cycles of the processor, still hold, since the processor is slower too.
+//! [`field_off`] relies on no earlier set-up. So it also works in the first instructions of the start, and after the
+//! clock security system has switched the PLL off. The SPI then runs at 2 or 1 MHz. The bounds of the waits still hold,
+//! because they count cycles of the processor, which is slower too.
 //!
 //! # Errata (ES0206 rev 24) of the peripherals used here
 //!
@@ -91,7 +91,7 @@ pub(super) fn put(byte: u8) {
     spi().dr8().write(|w| w.dr().set(byte));
 }
 
-/// Waits for the byte that comes in while a byte is sent, for one byte time at most, even if the SPI hangs.
+/// Waits for the byte that comes in while a byte is sent. The wait takes one byte time at most, even if the SPI hangs.
 #[inline(always)]
 pub(super) fn take() -> u8 {
     for _ in 0..POLLS {

@@ -21,9 +21,9 @@
 //! - **No jump at once.** A place or an altitude that cannot be reached at 200 m/s from the last one shown is held back
 //!   until it has lasted for a second (see `hold`).
 //! - **A majority of right receivers always has a result.** More than half of the receivers are members of a result, so
-//!   any majority has one of them. No receiver of a majority that agrees is ever excluded, since it agrees with a
-//!   member, and the majority itself is a set that can win. Whatever other receivers send, a result is only lost for
-//!   the second for which a jump is held back.
+//!   any majority has one of them. No receiver of a majority that agrees is ever excluded, because it agrees with a
+//!   member. The majority itself is a set that can win. Whatever other receivers send, a result is lost only while a
+//!   jump is held back, for a second.
 //!
 //! # What it cannot do
 //!
@@ -370,8 +370,9 @@ fn bring(input: &Input, half_ms_before_arrival: i32) -> Brought {
     }
 }
 
-/// Returns, for each candidate, a mask of the candidates that agree with it, including itself. Also returns distances:
-/// row `i` has, for candidate `i` and each after it, its place, m north and east of the place that `i` stated.
+/// Returns, for each candidate, a mask of the candidates that agree with it, including itself. Also returns distances.
+/// Row `i` is for candidate `i`: it has the place of this candidate and of each after it, m north and east of the place
+/// that candidate `i` stated.
 fn compare<const N: usize>(
     inputs: &[Input; N],
     brought: &[Brought; N],

@@ -10,9 +10,9 @@
 //!
 //! # One cause, one violation
 //!
-//! - A restart may cut off a transmit command or a frame and switches the field off; neither is reported. If ticks and
-//!   frames are missing for at most [`bounds::WATCHDOG_LONGEST`] before a reset that was not asked for, HORUS was hung,
-//!   and only the reset is reported.
+//! - A restart may cut off a transmit command or a frame, and it switches the field off. Neither is reported. If ticks
+//!   and frames are missing for at most [`bounds::WATCHDOG_LONGEST`] before a reset that was not asked for, HORUS was
+//!   hung, and only the reset is reported.
 //! - A frame that is reported for another reason also counts as sent, so that it is not reported as missing too. This
 //!   holds for a command without its frame, a frame without a command, a broken frame and an extra frame.
 //! - If the field drops, no frame is required until the end of the cycle in which the field comes back. HORUS may

@@ -5,8 +5,8 @@
 //! After a rise of FRESH, a transaction reads the new image, or 0xFF throughout while the DPR is putting the image in.
 //! It never reads an older image (docs/design.md#publication, `dpr_fw::publish`). There are two cases:
 //!
-//! - Without a transaction under way, FRESH rises before the processor gives the SSI's buffers back, so that no image
-//!   is readable before FRESH has announced it.
+//! - Without a transaction under way, FRESH rises before the processor gives the SSI's buffers back. So no image is
+//!   readable before FRESH has announced it.
 //! - With a transaction under way, FRESH rises at once, although this transaction still reads the previous image.
 //!
 //! At a rise of FRESH the log may not yet have the bytes of the announced image. The judge takes them from what could

@@ -5,7 +5,8 @@
 //! agree.
 //!
 //! HORUS must hold a jump back until the vote has had a result for one second without a further jump, and must show it
-//! after that. Close to these limits, and where the log does not determine them, the judge accepts both.
+//! after that. Close to these limits the judge accepts both. It also accepts both where the log does not determine the
+//! limits.
 
 use gnss_sim::{Geodetic, TangentPlane};
 
