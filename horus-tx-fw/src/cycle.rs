@@ -16,7 +16,7 @@
 //! first result, *monitoring* while there is a result, and in the state *position lost* when there is none any more.
 //! The inputs of its safety function may tell another state instead ([`state_inputs`](crate::state_inputs)).
 //!
-//! Every Reported-Position also tells HORUS's clock, the reason of its last reset ([`Start`]), and whether a fault of
+//! Every Reported-Position also states HORUS's clock, the reason of its last reset ([`Start`]), and whether a fault of
 //! its memory was found ([`Cycle::found_memory_fault`]).
 
 use core::{borrow::Borrow, hint::select_unpredictable};
@@ -66,7 +66,7 @@ impl<const N: usize> Cycle<N> {
         Self::after(Start { clock: Source::External, reason: ResetReason::PowerOn, excluded: 0 })
     }
 
-    /// Returns the state of a HORUS that begins with the findings `start`. Reported-Position's status tells these
+    /// Returns the state of a HORUS that begins with the findings `start`. Reported-Position's status states these
     /// findings.
     #[must_use]
     pub const fn after(start: Start) -> Self {

@@ -228,7 +228,7 @@ fn a_receiver_that_is_not_due_may_be_left_alone_without_bytes() {
 
 #[test]
 fn a_false_start_hides_a_message_only_until_the_line_is_silent() {
-    // The header of a message of 200 bytes is followed at once by a whole message.
+    // The header of a message of 200 bytes comes without its payload, and a whole message follows at once.
     let mut receiver = Receiver::new();
     feed(&mut receiver, &[&[0xB5, 0x62, 0x01, 0x07, 200, 0], NavPvt::GOOD.bytes().as_slice()].concat(), 1_000);
     assert!(!receiver.solution().position.valid);

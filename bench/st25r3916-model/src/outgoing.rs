@@ -25,9 +25,9 @@ pub(crate) struct Outgoing {
 
     start: u64,
     started: bool,
-    /// The number of bytes from the FIFO that the air knows already. Some of them may still be in the FIFO.
+    /// The number of bytes from the FIFO that the model of the air already has. Some of them may still be in the FIFO.
     announced: usize,
-    /// The number of bytes that the air knows and that have left the FIFO.
+    /// The number of bytes that the model of the air has and that have left the FIFO.
     consumed: usize,
     next_byte: u64,
     /// Whether the controller cleared or read the FIFO during the frame, which then breaks off by an underflow.

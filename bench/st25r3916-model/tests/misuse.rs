@@ -228,7 +228,7 @@ fn a_frame_loaded_in_parts_and_then_cleared_counts_as_damaged() {
     let mut load = vec![0x80];
     load.extend_from_slice(&payload(244, 1)[16..]);
     pair.spi(Side::Poller, &load);
-    // The air knows only the first 16 bytes. About 40 bytes have been sent when the FIFO is cleared.
+    // The model of the air has only the first 16 bytes. About 40 bytes have been sent when the FIFO is cleared.
     pair.run_for(650_000);
     pair.spi(Side::Poller, &[0xDB]);
     pair.run_for(6_000_000);

@@ -27,12 +27,12 @@
 //!
 //! # What is not shown
 //!
-//! The search knows the order of events and no instants. So it also explores orders that cannot happen on silicon,
-//! because one step takes longer than another. There are two exceptions: a compare does not come when its timer was
-//! just cleared, and the second compare comes later than the SSI task takes. Review, and the bench, which runs the
-//! image, show that `hw/ssi.rs` makes the accesses of [`board`]'s port in the same order. A fence cannot be executed,
-//! so a missing fence is explored as the late store or early load that it would allow. The budget of transactions is
-//! larger than a search can be.
+//! The search considers the order of events, but not their instants. So it also explores orders that cannot happen on
+//! silicon, because one step takes longer than another. There are two exceptions: a compare does not come when its
+//! timer was just cleared, and the second compare comes later than the SSI task takes. Review, and the bench, which
+//! runs the image, show that `hw/ssi.rs` makes the accesses of [`board`]'s port in the same order. A fence cannot be
+//! executed, so a missing fence is explored as the late store or early load that it would allow. The budget of
+//! transactions is larger than a search can be.
 
 mod board;
 mod explorer;

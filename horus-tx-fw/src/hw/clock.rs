@@ -39,7 +39,7 @@ use super::HORUS_TELEMETRY;
 
 /// Sets the clock tree up, from HSE if it is there, otherwise from HSI. It takes [`clock::START_MAX_MS`] and the PLL's
 /// lock time at most. The HAL waits for the PLL without a bound: if the PLL never gets ready, the watchdog resets the
-/// part, and the record of the last stop tells it ([`Cause::ClockStart`], with the PLL's source as its detail).
+/// part, and the record of the last stop states the cause ([`Cause::ClockStart`], with the PLL's source as its detail).
 ///
 /// # Panics
 ///

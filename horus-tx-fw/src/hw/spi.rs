@@ -169,8 +169,8 @@ impl SpiSource {
         self.spi().cr2().write(|w| w.rxdmaen().set_bit().txdmaen().set_bit());
     }
 
-    /// Puts the bytes that have come in, without filler, into the ring. Filler, most of a transfer, is skipped in
-    /// fours.
+    /// Puts the bytes that have come in, without filler, into the ring. Most of a transfer is filler, which is skipped
+    /// four bytes at a time.
     fn take(&mut self) {
         compiler_fence(Ordering::Acquire);
         let is_old = self.polling.is_old();

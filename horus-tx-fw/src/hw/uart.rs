@@ -140,8 +140,8 @@ impl UartSource {
                 uart.dr().write(|w| unsafe { w.bits(u16::from(*byte)) });
             }
             Some(_) => {}
-            // The flag TC is cleared before the last byte is written, because until then it tells the end of an earlier
-            // byte.
+            // The flag TC is cleared before the last byte is written, because until then it reports the end of an
+            // earlier byte.
             None if is_complete => {
                 let rate = message.rate();
                 self.outgoing = None;

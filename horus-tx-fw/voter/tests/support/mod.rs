@@ -219,7 +219,7 @@ impl Moves for Level {
     }
 }
 
-/// The result that was shown last, and the row of later results that are held back, each with its tick.
+/// The result that was shown last, and the series of later results that are held back, each with its tick.
 #[derive(Clone, Debug)]
 struct Jumps<T> {
     shown: Option<(u32, T)>,
