@@ -23,8 +23,8 @@ const US: i64 = 1_000;
 const FIRST: i64 = -60 * US;
 const LAST: i64 = 240 * US;
 
-/// The last phase in runs with one or five receivers, ns after a frame's last bit. The scrub comes later and is the
-/// same with any number of receivers.
+/// The last phase in runs with one or five receivers, ns after a frame's last bit. These runs leave out the later
+/// scrub, because it is the same with any number of receivers.
 const LAST_OF_PUBLICATION: i64 = 120 * US;
 
 /// The time between two transactions, ns, which is 1 µs longer than the DPR needs to be ready.

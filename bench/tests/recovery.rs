@@ -150,7 +150,8 @@ fn a_field_that_goes_while_the_listener_re_arms_is_told() {
 
 #[test]
 fn a_message_that_is_served_late_leaves_no_interrupt_on() {
-    // HORUS's message to GPS1 ends 38 ms after a restart. The stuck line delays the UART's interrupt.
+    // HORUS's message to GPS1 ends 38 ms after a restart. Around that instant the line is stuck, which delays the
+    // UART's interrupt.
     for after in (36_000..40_000).step_by(60) {
         let stuck = BEGINS + after * 1_000;
         let faults = one(Fault::Power(Board::Horus, PowerFault::Pin), 0).with(

@@ -298,7 +298,7 @@ fn the_water_level_comes_again_each_time_a_reception_reaches_it() {
         let (n, _) = pair.fifo(Side::Poller);
         assert!((300..=301).contains(&n), "{n} bytes at I_wl");
         levels += 1;
-        // At an interrupt 50 bytes are left, so I_wl comes again after 250 more.
+        // After the controller has read the FIFO, 50 bytes are left. So I_wl comes again after 250 further bytes.
         data.extend(pair.read_fifo(Side::Poller, 250));
     }
     assert_eq!(levels, 4, "at 300, 550, 800 and 1050 bytes");

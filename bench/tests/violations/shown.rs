@@ -57,7 +57,7 @@ fn hangs_with_an_image() -> Faults {
 
 table! {
     vacant => Row::new(Violation::Vacant, || of_wire(breaks(), u64::MAX, WireFault::MisoVacant { object: 2 }));
-    // Each object is missing for some cycles, although Link-Status calls all accepted.
+    // The faults remove each object for some cycles, although Link-Status calls all objects accepted.
     not_shown => Row::new(Violation::NotShown, || {
         let vacant = |faults: Faults, object| {
             faults.with(breaks(), breaks() + 3 * CYCLE, Fault::Wire(WireFault::MisoVacant { object }))
@@ -108,7 +108,7 @@ table! {
         lost(breaks(), breaks() + 2 * CYCLE).with(breaks() + 8 * MS, breaks() + 21 * MS, dead)
     });
     shown_expired => Row::new(Violation::ShownExpired, hangs_in_silence);
-    // The two PPI channels that let an image expire in hardware are disabled.
+    // The changed program disables the two PPI channels that let an image expire in hardware.
     shown_expired_by_a_dpr_that_hangs => Row {
         setup: |setup| stores(setup, Board::Dpr, ALWAYS, &[instead(PPI_CHENSET, 2, 0), instead(PPI_CHENSET, 4, 0)]),
         ..Row::new(Violation::ShownExpired, hangs_with_an_image)

@@ -86,7 +86,7 @@ table! {
             ..Row::new(Violation::FreshUnreadable, || {
                 let other = Identifier(Identifier::LINK_STATUS.0 + 0x100);
                 let (of, value) = (Identifier::LINK_STATUS.0.into(), other.0.into());
-                // The DPR gets another constant for Link-Status's identifier while a frame arrives.
+                // The fault gives the DPR another constant for Link-Status's identifier while a frame arrives.
                 dpr(breaks() - 2 * MS, 100 * MS, ImageFault::Constant { of, value })
             })
         };
@@ -109,7 +109,7 @@ table! {
             })
         })
     };
-    // At the deadline of a lost frame the DPR takes the buffers from the SPIS without a transaction.
+    // At the deadline of a lost frame, the DPR takes the buffers from the SPIS although no transaction has ended.
     a_processor_that_keeps_the_buffers_without_a_transaction_holds_the_ssi_back => Row {
         setup: |setup| setup.sweep = Some(after_each_frame(200_000, 60)),
         ..Row::new(Violation::HeldBack, || {
@@ -120,7 +120,7 @@ table! {
     };
     a_miso_line_that_is_stuck_high_for_one_transaction_serves_nothing =>
         Row::new(Violation::Unserved, || wire(reads() - US, CONTROL_CYCLE / 2, WireFault::MisoOnes));
-    // The compare value that ends FRESH's pulse is halved.
+    // The changed program halves the compare value that ends FRESH's pulse.
     a_fresh_that_is_high_for_half_as_long_is_too_short => Row {
         setup: |setup| stores(setup, Board::Dpr, ALWAYS, &[instead(TIMER2_CC2, 2, 1)]),
         ..Row::new(Violation::FreshShort, Faults::none)

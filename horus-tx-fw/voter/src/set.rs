@@ -35,7 +35,8 @@ pub(crate) fn winner<const N: usize>(friends: &[u8; N], eligible: u8, last: u8, 
     let mut sum = [0_u32; SETS];
     let (mut best, mut best_rank) = (0, 0);
     for index in 0..N {
-        // The sets whose highest receiver is `index` follow all sets of the lower receivers.
+        // Sets are ordered by their highest receiver: all sets of lower receivers precede those whose highest receiver
+        // is `index`.
         let top = 1 << index;
         for rest in 0..top {
             let set = rest | top;

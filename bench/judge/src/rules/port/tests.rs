@@ -299,7 +299,7 @@ fn after_misconduct_counters_are_bounded_by_the_transactions() {
     assert_eq!(after(&|values| values.uplinks_accepted = u32::from(MOST)), []);
     assert_eq!(after(&|values| values.uplinks_accepted = u32::from(MOST) + 1), wrong);
     assert_eq!(after(&|values| values.commands_carried_out = u32::from(MOST) + 1), wrong);
-    // Port-Status names a last command but counts no command.
+    // In this log Port-Status names a last command but counts no command.
     assert_eq!(after(&|values| values.last_command_timestamp = 7), wrong);
 }
 
