@@ -9,8 +9,8 @@ use crate::report::Kind;
 
 #[derive(Clone, Debug)]
 pub(crate) struct Outgoing {
-    /// The frame on the air. Its chunk has the bytes that the chip adds in front, then those already given to the air,
-    /// without the CRC.
+    /// The frame on the air. Its chunk has the bytes that the chip sends in front, and the bytes from the FIFO that the
+    /// model of the air already has, without the CRC.
     frame: FrameStart,
     trailer_bits: u32,
     /// The number of bytes that the chip sends in front of those from the FIFO.
