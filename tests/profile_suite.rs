@@ -68,7 +68,7 @@ pub fn every_wrong_bit_is_found() {
     }
 }
 
-/// Asserts that a scrubbed object is rejected, and an object that stands in another's place.
+/// Asserts that a scrubbed object is rejected, and that an object in the place of another one is rejected, too.
 pub fn nothing_but_the_object_in_its_place() {
     for fill in [0x00, 0xFF] {
         defmt::assert!(GpsObject::verify(&[fill; GpsObject::SIZE], Identifier::gps(1)).is_err());

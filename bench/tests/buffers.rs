@@ -63,7 +63,7 @@ fn a_bit_stuck_in_a_frames_length_only_makes_it_late() {
     let mut late = 0;
     for buffer in 0..RECEIVE_BUFFERS as u64 {
         let length = 8 * (buffer * 4 * RECEIVE_WORDS as u64 + LEAD as u64);
-        // A frame for three receivers has LEN 245, of which the stuck bit is the lowest.
+        // A frame for three receivers has LEN 245. The stuck bit is the lowest bit of LEN.
         let stuck = Fault::Buffer(BufferFault::Stuck(Buffers::Receive, false, length));
         let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("stuck-{buffer}.log"));
         let faults = Faults::none().with(300 * MS, 340 * MS, stuck);
@@ -82,7 +82,7 @@ fn a_bit_stuck_in_a_frames_length_only_makes_it_late() {
         });
         late += latency.filter(|latency| *latency > bounds::LAST_BIT_TO_READABLE).count();
     }
-    // A scrub takes the buffer with the stuck bit out of use, so that at most one frame per buffer is late.
+    // A scrub takes the buffer with the stuck bit out of use, so at most one frame per buffer is late.
     assert!((1..=RECEIVE_BUFFERS).contains(&late), "{late} frames were late");
 }
 

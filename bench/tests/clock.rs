@@ -1,4 +1,4 @@
-//! Tests HORUS's release program without the board's external clock, which is absent from the start (as on a NUCLEO
+//! Tests HORUS's release program without the board's external clock. The clock is absent from the start (as on a NUCLEO
 //! whose ST-LINK has no power) or fails later.
 
 use crate::{boards, reader};
@@ -27,8 +27,8 @@ fn the_dpr_accepts_what_horus_sends_without_a_crystal() {
         let oscillators = Oscillators { hse_hz: None, hsi_ppb, ..Oscillators::default() };
         let (Some(a), Some(b)) = (boards::horus_on(oscillators), boards::dpr()) else { return };
         let mut relay = Relay { a, b, upstream: Antenna::default(), downstream: Reader::new() };
-        // The run is longer than two of the windows, of about a second, over which the DPR compares HORUS's clock with
-        // its own.
+        // The DPR compares HORUS's clock with its own over windows of about a second. The run is longer than two of
+        // these windows.
         relay.run(2_300 * MS, 100 * MS, Threads::Two, |_, _, _| Ok::<_, ()>(())).unwrap();
         let Relay { a: horus, b: dpr, upstream, downstream: reader } = relay;
         assert!(!horus.part().has_hse());

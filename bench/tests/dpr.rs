@@ -162,7 +162,7 @@ fn a_busy_dpr_keeps_its_window_and_ignores_a_request() {
         pass(&mut node, MS / 10);
         rose = node.board_mut(Dpr::take_fresh);
     }
-    // The task of the SSI hangs after the first transaction, so that the DPR stays busy.
+    // The task of the SSI hangs after the first transaction, so the DPR stays busy.
     let hung = ImageFault::Hung("SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1".into()).apply(&mut node).unwrap();
     let image = ask(&mut node, 16, 16, whole);
     assert!(image.iter().any(|byte| *byte != 0xFF));
@@ -217,7 +217,7 @@ fn a_revision_3_parts_debug_port_is_opened_if_uicr_allows_it() {
         let Some(mut node) = boards::dpr_on(settings) else { return };
         node.write(UICR_APPROTECT, &u32::to_le_bytes(uicr)).unwrap();
         pass(&mut node, 50 * MS);
-        // At the value 0x5A only the firmware determines whether the debug port is open.
+        // With the value 0x5A in UICR.APPROTECT, only the firmware determines whether the debug port is open.
         let software = node.part().debug_port_open(0x5A);
         assert_eq!(software, opened, "{build_code:?} with {uicr:#x}");
         assert_eq!(node.part().debug_port_open(uicr), opened, "{build_code:?} with {uicr:#x}");

@@ -60,7 +60,7 @@ fn a_kind_of_fault_alone_is_injected_alone() {
         (Kind::Power, &["power"]),
         (Kind::Buffers, &["buffer"]),
         (Kind::Inputs, &["input"]),
-        // A hang during a start needs a restart before it.
+        // For a hang during a start, the board is restarted first.
         (Kind::Hang, &["hang", "dead task", "spurious interrupt", "power horus", "power dpr"]),
         (Kind::Chips, &["horus front end register", "dpr front end register"]),
     ] {

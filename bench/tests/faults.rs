@@ -195,7 +195,7 @@ struct Reader {
     air: Air,
     frame: Vec<u8>,
     sent: std::collections::BTreeMap<u32, u64>,
-    /// Whether the air loses all frames while the task is damaged, because the task runs only without frames.
+    /// Whether the air loses all frames while the task is damaged. A task that runs only without frames needs this.
     loses: bool,
     lost: bool,
     broken: Option<(u64, Repair)>,
@@ -388,7 +388,7 @@ fn flip<B: Board>(node: &mut Node<B>, address: u64) {
 #[test]
 fn horus_emits_no_field_while_a_bit_of_its_flash_is_wrong() {
     let Some(mut horus) = transmitter() else { return };
-    // Interrupt 0, that of the window watchdog, is never used.
+    // The flipped bit is in the vector of interrupt 0, that of the window watchdog, which is never used.
     let address = unused_vector(0x0800_0000, 0);
     flip(&mut horus.node, address);
     horus.run_for(500 * MS);

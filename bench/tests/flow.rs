@@ -26,8 +26,8 @@ fn setup(gps: usize, clock: Clock, faults: Faults, duration: u64) -> Option<Setu
     Some(Setup { clock, faults, ..Setup::new(images, gps, duration) })
 }
 
-/// Raises a spurious interrupt of a task at `at`, ns. Returns whether that was possible, or an error if the task is a
-/// step of a cycle and its board was not reset, or is another task and something changed.
+/// Raises a spurious interrupt of a task at `at`, ns. Returns whether the interrupt could be raised. Returns an error
+/// if the task is a step of a cycle and its watchdog did not reset the board, or if any other task had an effect.
 fn spurious(gps: usize, clock: Clock, board: Board, task: u8, at: u64) -> Option<Result<bool, String>> {
     let faults = Faults::none().with(at, at, Fault::Spurious(board, task));
     let setup = setup(gps, clock, faults, at + AFTER)?;
@@ -81,7 +81,8 @@ fn a_step_out_of_its_turn_is_found_anywhere_in_the_cycle() {
             let steps = (0..tasks_of(board).len() as u8).filter(|task| is_step(board, *task));
             for (turn, task) in (0..).zip(steps) {
                 let at = BEGINS + 3_300 * US * nth + 1_910 * US * turn;
-                // A busy board accepts no spurious interrupt, but no task that runs then takes longer than 100 µs.
+                // A busy board accepts no spurious interrupt. No task takes longer than 100 µs at these instants, so
+                // the second try comes 100 µs later.
                 let outcome = match spurious(5, clock, board, task, at) {
                     Some(Ok(false)) => spurious(5, clock, board, task, at + 100 * US),
                     first => first,
@@ -148,7 +149,7 @@ const HOLD_TIMER_CHANGES: [(&str, u32, u32); 3] =
 #[test]
 fn the_hold_stops_when_its_cycle_runs_out_of_order_or_time() {
     let Some(mut hold) = boards::hold(1) else { return };
-    // The timer has counted less than the changed compare value, so that it still reaches that value.
+    // The timer has counted less than the changed compare value, so it still reaches that value.
     assert!(!restarts_within(&mut hold, 225 * MS));
     let line = |vector| Nrf52840::exception(vector).unwrap() - 16;
     let mut stops = vec![];
@@ -182,7 +183,7 @@ fn a_starting_or_busy_board_is_not_ready_for_interrupts() {
         assert!(!restarts_within(&mut horus, time));
         usize::from(horus.is_ready_for_interrupts())
     };
-    // The start masks interrupts for longer than any task runs.
+    // The start masks interrupts for longer than any task runs. So the board is not ready at several instants in a row.
     let started: Vec<usize> = (0..300).map(|_| ready_after(MS)).collect();
     assert!(started.windows(3).any(|of| of == [0, 0, 0]), "{started:?}");
     let mut seen = [0; 2];

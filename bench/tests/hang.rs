@@ -163,7 +163,7 @@ where
     None
 }
 
-/// Returns the time after a reset, ns, from which on the watchdog ends a hang, to 100 ns.
+/// Before a certain time after a reset, the watchdog does not end a hang. Returns this time, ns, exact to 100 ns.
 fn watched_from<B: Powered, C: Cost>(mut node: Node<B, C>) -> u64
 where
     Node<B, C>: Clone,
@@ -375,7 +375,8 @@ fn a_receiver_excluded_before_the_watchdog_bites_is_still_excluded_after_it() {
     let (_, excluded, before) = sent[restarted - 1];
     assert!(excluded && before.state() == Some(HorusState::Monitoring), "{before:?}");
     assert_eq!(before.reset_reason(), Some(ResetReason::PowerOn));
-    // No receiver has sent a message since the restart, so HORUS has kept the exclusion over it.
+    // No receiver has sent a message since the restart. So the exclusion is from before the restart, and HORUS has kept
+    // it.
     let (_, excluded, after) = sent[restarted];
     assert!(excluded && !after.position_valid(), "{after:?}");
     assert_eq!((after.state(), after.reset_reason()), (Some(HorusState::Starting), Some(ResetReason::Watchdog)));
@@ -478,7 +479,7 @@ fn so_long_after_its_start_each_boards_watchdog_runs() {
         for board in BOARDS {
             let at = BEGINS + WATCHDOG_STARTS;
             let faults = hang(Faults::none().with(BEGINS, BEGINS, Fault::Power(board, PowerFault::Pin)), at, board);
-            // Before its first feed, HORUS's watchdog takes about 0.5 s.
+            // HORUS's watchdog takes about 0.5 s if HORUS hangs before the first feed.
             let Some(setup) = setup(faults, at + 500 * MS + AFTER) else { return };
             let report = outcome(&Setup { clock, ..setup }).report;
             assert_eq!(report.violations, [""; 0], "{board:?} on the {clock} clock");

@@ -109,7 +109,7 @@ fn no_fault_of_the_hold_moves_a_figure_of_horus() {
         let finished = run::<Fast>(&Setup { faults, ..quiet.clone() }, Threads::Two);
         assert_eq!(words(&finished), [""; 0], "{name}");
         let found = of_horus(&finished.report);
-        // The DPR's firmware without a hold is another image, and the compiler may give the same code a few cycles
+        // The DPR's firmware without a hold is another program, and the compiler may give the same code a few cycles
         // more.
         if found.iter().zip(expected).any(|(found, expected)| found.saturating_sub(expected) * 100 > expected) {
             moved.push((name.clone(), found));
@@ -153,7 +153,7 @@ fn the_ports_tasks_check_in_while_the_port_rests() {
     let rests = boards::counter(bench.dpr(), "DPR_HOLD_TELEMETRY", RESTS);
     eprintln!("the port rests {rests} times in 34 periods");
     assert!((20..=35).contains(&rests), "{rests}");
-    // The watchdog bites if a task does not check in for 100 ms.
+    // The watchdog bites if a task does not check in for 100 ms. It has not bitten.
     assert_eq!(bench.dpr().resets(), []);
 }
 
@@ -184,7 +184,8 @@ fn a_dpr_in_its_safe_state_sends_the_hold_no_answer() {
     };
     assert_eq!(answers(&quiet), 1);
     let seed = sag_at_once();
-    // The firmware loads the answer 0.3 ms after the frame, and a timer starts it at 2.0 ms.
+    // The firmware loads the answer 0.3 ms after the frame, and a timer starts it at 2.0 ms. The supply falls before,
+    // between and just before these instants.
     for after in [100, 400, 1_000, 1_950].map(|after| heard + after * 1_000) {
         let sag = Fault::Power(Board::Dpr, PowerFault::Sag(seed));
         setup.faults = Faults::none().with(after, after + sag_length(seed), sag);

@@ -303,7 +303,7 @@ fn a_symbol_that_the_image_lacks_is_refused_by_its_name() {
 #[test]
 fn only_a_sealed_patch_passes_the_firmwares_check_of_its_flash() {
     let Some(node) = boards::horus() else { return };
-    // The processor never fetches the vector of the window watchdog.
+    // The patch changes the vector of the window watchdog, which the processor never fetches.
     let patch = |sealed| ImageFault::Patch { address: 0x0800_0040, bytes: vec![0xAA; 4], sealed };
     let mut sealed = node.clone();
     let repair = patch(true).apply(&mut sealed).unwrap();

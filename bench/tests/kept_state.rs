@@ -1,4 +1,4 @@
-//! Tests that HORUS stops before it misleads if a bit flips in data that it keeps between two tasks.
+//! Tests that HORUS stops before it sends wrong values if a bit flips in data that it keeps between two tasks.
 
 use crate::boards;
 

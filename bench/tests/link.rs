@@ -114,7 +114,7 @@ fn every_wire_of_the_trace_moves_and_no_instant_comes_before_another() {
         assert!(falls.len() >= 5, "{board}: {falls:?}");
         assert!(falls.iter().all(|after| (29..=33).contains(after)), "{board}: {falls:?}");
     }
-    // The flight controller keeps MOSI low, and each exception belongs to a task.
+    // The flight controller keeps MOSI low, and each exception belongs to a task. So these three signals do not change.
     let still = ["dpr.tasks.dpr_other", "horus.tasks.horus_other", "ssi.ssi_mosi"];
     let unmoved: Vec<&str> = waves.iter().filter(|(_, changes)| changes.len() < 2).map(|(name, _)| &**name).collect();
     assert_eq!(unmoved, still);
@@ -169,7 +169,7 @@ fn bit_errors_cost_the_objects_they_hit_and_nothing_invalid_is_shown() {
 
 #[test]
 fn lost_frames_are_missed_counted_and_their_successors_arrive() {
-    // The run ends between two frames, so that a lost frame counts as missed.
+    // The run ends between two frames, so a lost frame counts as missed.
     let Some(mut setup) = setup(3, 595) else { return };
     setup.faults = Faults::of_air(AirFaults { lost: 0.2, ..AirFaults::default() });
     let report = outcome(&setup).report;

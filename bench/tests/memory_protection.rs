@@ -1,8 +1,8 @@
 //! Tests which accesses the memory protection units refuse, and how the log names the cause of the stop.
 //!
 //! A task of each release program is overwritten with a few forbidden instructions. The board must enter its safe state
-//! at once, its watchdog must restart it, and the next start must report the cause, in the log and as the code of
-//! `firmware_common::last_stop` in the telemetry.
+//! at once, and its watchdog must restart it. The next start must report the cause in the log and, as the code of
+//! `firmware_common::last_stop`, in the telemetry.
 
 use crate::{boards, reader};
 
@@ -39,7 +39,7 @@ enum Misdeed {
 }
 
 impl Misdeed {
-    /// Returns the instructions of the misdeed, with a branch to itself at the end.
+    /// Returns the forbidden instructions, with a branch to itself at the end.
     fn code(self) -> Vec<u8> {
         const LDR_R1_R0: u16 = 0x6801;
         const STR_R1_R0: u16 = 0x6001;
@@ -193,7 +193,7 @@ fn horus_stops_at_each_forbidden_access_and_reports_it_later() {
 fn after_a_restart_that_no_stop_explains_no_stop_is_told_of() {
     let Some(mut horus) = boards::horus() else { return };
     run_horus(&mut horus, 55 * MS);
-    // The steps of the cycle continue when `parse` hangs, because it is none of them.
+    // `parse` is no step of the cycle, so the cycle goes on when `parse` hangs.
     let repair = ImageFault::Hung("CAN1_RX1".to_owned()).apply(&mut horus).unwrap();
     restarted(&mut horus, |node| drop(node.board_mut(|board| board.front_end.take_air())));
     repair.mend(&mut horus).unwrap();

@@ -1,5 +1,5 @@
-//! Places the flight controller's transactions in every phase relative to a frame's end, in steps of 100 ns, because an
-//! ordinary control cycle reaches some coincidences once in minutes.
+//! Places the flight controller's transactions in every phase relative to a frame's end, in steps of 100 ns. With an
+//! ordinary control cycle, minutes may pass before some of these coincidences occur.
 //!
 //! The transactions around a publication have two patterns. In the first, a transaction of the whole image ends at the
 //! phase, and one of 96 bytes follows at once. In the second, a transaction of 96 bytes begins at the phase after a
@@ -23,8 +23,8 @@ const US: i64 = 1_000;
 const FIRST: i64 = -60 * US;
 const LAST: i64 = 240 * US;
 
-/// The last phase in runs with one or five receivers, ns after a frame's last bit. The scrub comes later and is the
-/// same with any number of receivers.
+/// The last phase in runs with one or five receivers, ns after a frame's last bit. These runs leave out the later
+/// scrub, because it is the same with any number of receivers.
 const LAST_OF_PUBLICATION: i64 = 120 * US;
 
 /// The time between two transactions, ns, which is 1 µs longer than the DPR needs to be ready.
@@ -38,7 +38,7 @@ fn falls(after_ns: i64, bytes: usize) -> Placement {
 fn holds(gps: usize, sweep: Sweep, clock: Clock, (horus_ppb, dpr_ppb): (i64, i64)) {
     let (Some(horus), Some(dpr)) = (image(gps, "horus-tx-fw.elf"), image(gps, "dpr-fw.elf")) else { return };
     let cycles = sweep.cycles();
-    // The sweep begins with the second frame, which may be four cycles later on a slower clock.
+    // The sweep begins with the second frame. A slower clock may delay that frame by four cycles.
     let setup = Setup {
         crystals: Crystals { horus_ppb, dpr_ppb, flight_controller_ppb: 0, hold_ppb: 0 },
         sweep: Some(sweep.clone()),
@@ -95,8 +95,8 @@ fn a_publication_with_five_receivers_may_meet_a_transaction_in_any_phase() {
     around_a_publication(5, 1, LAST_OF_PUBLICATION, Clock::Fast, (200_000, -200_000));
 }
 
-/// Once a second the DPR's idle task has more work, which it begins at its next event: the end of the pause after a
-/// transaction. A second transaction that ends 109 to 127 µs after the first therefore comes during that work.
+/// Once a second the DPR's idle task has additional work. It begins this work at its next event, the end of the pause
+/// after a transaction. A second transaction that ends 109 to 127 µs after the first therefore comes during this work.
 ///
 /// The DPR's second begins 400 µs later in HORUS's cycle each time, so a run of 25 s has the work at many distances
 /// from a frame.

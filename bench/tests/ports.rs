@@ -15,8 +15,8 @@ const MS: u64 = 1_000_000;
 /// The interval, ns, of the flight controller's misuse.
 const EPISODE: std::ops::Range<u64> = 300 * MS..900 * MS;
 
-/// The longest time, ns, by which the SSI's tasks delay a frame (`sums.rs`): the ends of a pause and of a transaction,
-/// and another end within the publication.
+/// The longest time, ns, by which the SSI's tasks delay a frame (`sums.rs`). It adds the end of a pause, the end of a
+/// transaction, and another end of a transaction within the publication.
 const FAST_SHARE: u64 = 14_000;
 /// The longest time by which the SSI's tasks delay a frame on the pessimistic clock, ns (`sums.rs`: 17.2 µs).
 const PESSIMISTIC_SHARE: u64 = 22_500;
@@ -108,8 +108,8 @@ fn rates() -> impl Iterator<Item = Conduct> {
     edges.into_iter().chain([0, 1, 8, 96, Image::<3>::LEN].into_iter().flat_map(each))
 }
 
-/// Asserts that as many transactions as the DPR serves for one image delay a frame's image by at most `share_ns`,
-/// whatever their time after the frame's end.
+/// Makes as many transactions as the DPR serves for one image, at all times after a frame's end. Asserts that they
+/// delay the frame's image by at most `share_ns`.
 fn begins_in_every_phase<C: Cost>(share_ns: u64) {
     let Some((setup, bench)) = warm::<C>() else { return };
     let silent = |until| Faults::none().with(EPISODE.start + MS, until, Fault::FlightController(Conduct::Silent));

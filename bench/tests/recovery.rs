@@ -138,7 +138,8 @@ fn the_link_recovers_from_a_front_end_fault_during_a_restart() {
 
 #[test]
 fn a_field_that_goes_while_the_listener_re_arms_is_told() {
-    // About 120 µs after a frame the DPR discards the FIFO within 12 µs, and with it the interrupt of a lost field.
+    // About 120 µs after a frame the DPR discards the FIFO, which takes up to 12 µs. If the field is lost in this time,
+    // the DPR also discards the interrupt that reports the loss.
     for after in (1_000..1_200).step_by(4) {
         let at = BEGINS + after * 1_000;
         let faults = Faults::none().with(at, at + 90 * MS, Fault::Power(Board::Horus, PowerFault::FrontEndOff));
@@ -149,7 +150,8 @@ fn a_field_that_goes_while_the_listener_re_arms_is_told() {
 
 #[test]
 fn a_message_that_is_served_late_leaves_no_interrupt_on() {
-    // HORUS's message to GPS1 ends 38 ms after a restart. The stuck line delays the UART's interrupt.
+    // HORUS's message to GPS1 ends 38 ms after a restart. Around that instant the line is stuck, which delays the
+    // UART's interrupt.
     for after in (36_000..40_000).step_by(60) {
         let stuck = BEGINS + after * 1_000;
         let faults = one(Fault::Power(Board::Horus, PowerFault::Pin), 0).with(

@@ -71,7 +71,7 @@ fn a_run_in_pieces_has_the_event_log_of_a_whole_run() {
         ends.iter().chain([&END]).for_each(|end| bench.run_to(*end, Threads::One));
         bench.finish(END).log
     };
-    // The base station's display is recorded every 10 ms, so that a run is divided at multiples of that.
+    // The base station's display is recorded every 10 ms, so a run is divided at multiples of 10 ms.
     let ends: Vec<u64> = (1..26).map(|cycle| cycle * 10 * MS).collect();
     assert!(log(&ends) == log(&[]));
 }

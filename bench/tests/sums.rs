@@ -94,8 +94,8 @@ fn is_of_the_rfid_side(exception: u32) -> bool {
 }
 
 impl<C: Cost> Watched<C> {
-    /// Returns the longest uninterrupted run of an exception, ns, except those that raise FRESH, which belong to a
-    /// frame.
+    /// Returns the longest uninterrupted run of an exception, ns. A run in which FRESH rises is left out, because it
+    /// belongs to the handling of a frame.
     fn longest(&self, exception: u32) -> u64 {
         let rises: Vec<u64> = self.frames().into_iter().map(|(_, rose)| rose).collect();
         let runs = self.runs.windows(2).filter(|pair| pair[0].1 == exception).map(|pair| pair[0].0..pair[1].0);

@@ -111,7 +111,8 @@ fn a_supply_that_fails_while_the_dpr_logs_causes_no_panic() {
     field_on(&mut warm);
     run_dpr(&mut warm, 1_000 * MS);
     let mut interrupted = 0;
-    // The DPR writes a line to its log once a second, 19.87 ms after the full second.
+    // The DPR writes a line to its log once a second, 19.87 ms after the full second. The supply falls around that
+    // instant.
     for after in (1_019_820..1_019_920).step_by(2) {
         let mut node = warm.clone();
         run_dpr(&mut node, after * US);

@@ -82,7 +82,6 @@ fn watching_tasks_changes_nothing_that_the_firmware_could_see() {
     assert_eq!(run(true), run(false));
 }
 
-/// Instants before a change of the core's clock must be calculated with the earlier clock.
 #[test]
 fn task_changes_before_a_change_of_clock_keep_the_earlier_clocks_time() {
     let mut main = Thumb::at(MAIN);

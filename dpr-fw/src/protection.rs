@@ -9,7 +9,7 @@
 //! | 0x2001_0000 to 256 KiB | RAM: stack, statics and free memory | read, write | read, write |
 //! | 0x4000_0000, 0x5000_0000 | peripherals | all | those of `board.rs` that tasks use |
 //!
-//! *Null page*: this page is shut, so that an access through a null pointer is a fault. The processor fetches vectors
+//! *Null page*: this page is shut, so an access through a null pointer is a fault. The processor fetches vectors
 //! without the memory protection unit, and so does the code that verifies flash (`firmware_common::memory::load_shut`).
 //!
 //! *Stack*: it grows down from the statics (flip-link) to 0x2001_0000. An overflow violates the memory protection.

@@ -8,8 +8,9 @@
 //! this function too, so that a lost edge of the IRQ pin is made up for.
 //!
 //! A FIFO read returns a meaningless byte before the data. The port receives that byte just before the place of the
-//! data: at the first read of a frame this is the last of the [`LEAD`] bytes, later the last byte of the previous read,
-//! which the port saves and restores. So a frame's bytes are contiguous without being copied.
+//! data. At the first read of a frame it overwrites the last of the [`LEAD`] bytes. At later reads it overwrites the
+//! last byte of the previous read, which the port saves and restores. So a frame's bytes are contiguous without being
+//! copied.
 //!
 //! # Buffers
 //!

@@ -51,7 +51,7 @@ struct World {
     now: u64,
     air: VecDeque<(u64, AirEvent)>,
     transfer: Option<Transfer>,
-    /// Whether SPIM0 hangs, so that started transfers never end.
+    /// Whether SPIM0 hangs. If so, started transfers never end.
     stuck: bool,
     irq: bool,
     irq_rose_ns: u64,
@@ -638,8 +638,8 @@ fn a_missing_field_is_told_from_air_that_loses_frames() {
 
 #[test]
 fn a_frame_that_ends_during_a_status_read_keeps_its_instant() {
-    // A damaged LEN shifts the listener's status reads by whole bytes, and a wrong bit rate shifts the frame's end
-    // between them. So some of these reads find that the frame has ended.
+    // A damaged LEN moves the listener's status reads by whole bytes. A wrong bit rate moves the frame's end relative
+    // to these reads. So with some combinations a status read finds that the frame has ended.
     let mut met = 0;
     for (more, slow) in (4..=12).flat_map(|more| (0..10).map(move |slow| (more, slow))) {
         let mut dpr = Dpr::<1>::in_sequence(ReadMode::WhileFilling);

@@ -11,10 +11,11 @@
 //! tick ── START ─ 0x84 0xFD ─ RESTART ─ 0x85 high low ─ RESTART ─ 0x85 byte … byte ─ STOP ── … ── tick
 //! ```
 //!
-//! *A single byte* is never read by itself: the STM32F4's I2C needs the acknowledge switched off and the STOP requested
-//! within the time of that byte (RM0090, "I2C", master receiver), which no task of this priority can guarantee. If one
-//! byte waits, registers 0xFD, 0xFE and 0xFF are read together. From two bytes on, the end of the DMA transfer makes
-//! the peripheral refuse the last byte (LAST), and the peripheral then waits for STOP or START as long as needed.
+//! *A single byte* is never read by itself. For such a read, the STM32F4's I2C needs the acknowledge switched off and
+//! the STOP requested within the time of that byte (RM0090, "I2C", master receiver). No task of this priority can
+//! guarantee that. If one byte waits, registers 0xFD, 0xFE and 0xFF are read together. From two bytes on, the end of
+//! the DMA transfer makes the peripheral refuse the last byte (LAST). The peripheral then waits for STOP or START as
+//! long as needed.
 //!
 //! *Bounds*: a transaction that has not ended by the next tick has failed. The peripheral is then reset and
 //! disconnected from its pins. Nine clocks and a STOP free a receiver that holds SDA (UM10204, "Bus clear"), one level
@@ -67,8 +68,9 @@ pub const HOLD_TICKS: u8 = 10;
 /// 5 µs, and a handler takes 1 µs at least.
 pub const MOST_SPURIOUS: u8 = 16;
 
-/// The most bus errors between two ticks that do not end a transaction. Each error costs a call of 1 to 2 µs, so
-/// together they cost 0.1 ms of a cycle. A pulse on SDA every 0.2 ms makes 50 errors.
+/// If this number of bus errors comes between two ticks, the event interrupts are switched off until the next tick.
+/// Each error costs a call of 1 to 2 µs, so together they cost 0.1 ms of a cycle. A pulse on SDA every 0.2 ms makes 50
+/// errors.
 pub const MOST_BUS_ERRORS: u8 = 64;
 
 /// The state of the bus at the tick.

@@ -2,8 +2,8 @@
 //!
 //! # Design
 //!
-//! The idle loop does a [slice](firmware_common::patrol) of work every 2.5 ms, in the part of the cycle in which it can
-//! delay neither a slot nor a tick ([`timing::quiet`](crate::timing::quiet)).
+//! The idle loop does a [slice](firmware_common::patrol) of work every 2.5 ms. Each slice is in the part of the cycle
+//! in which it can delay neither a slot nor a tick ([`timing::quiet`](crate::timing::quiet)).
 //!
 //! | finding | consequence |
 //! |---|---|

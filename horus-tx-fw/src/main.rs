@@ -46,8 +46,8 @@
 //!
 //! The order is: reset flags and watchdog (the first instructions, `hw::start_up`), test of the RAM, brown-out level,
 //! oscillator, voltage detector, comparison of the program with its CRC, then front end, receivers and cycle. Before
-//! the comparison only the clocks are changed, because it takes 4 to 6 ms at 144 MHz. At the first 16 MHz it would take
-//! 40 ms of the watchdog's 68 ms at worst.
+//! the comparison of the program, the start changes nothing but the clocks. It changes the clocks first, because the
+//! comparison takes 4 to 6 ms at 144 MHz. At the first 16 MHz it would take 40 ms of the watchdog's 68 ms at worst.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 #![deny(unsafe_code)]
 
@@ -535,7 +535,7 @@ mod app {
             let written = ring.written();
             let (receiver, reader) = kept.get();
             let mut answer = None;
-            // Most calls find nothing new from most receivers, whose states need no verification then.
+            // In most calls most receivers have sent nothing new. Their states then need no verification.
             if reader.waiting(written) > 0 || receiver.is_due(now) || kept.is_unchanged() {
                 answer = change(kept, |(receiver, reader)| {
                     let span = reader.take(written, RING, BYTES_PER_CALL);

@@ -11,7 +11,7 @@
 
 use profile::HorusState;
 
-/// The number of inputs that tell HORUS's state.
+/// The number of inputs from which HORUS derives its state.
 pub const INPUTS: usize = 3;
 
 /// The number of samples in a row that must agree before their value is accepted: 20 ms from first to last.

@@ -44,8 +44,8 @@ pub const GNSS_I2C_LOW_NS: u32 = 2_000;
 
 /// The number of timer ticks in a µs.
 pub const TICKS_PER_US: u32 = TIMER_HZ / 1_000_000;
-/// The timer ticks that make a µs of the front end's waits on the internal oscillator, which is up to 4.5 % fast
-/// (DS9405). A wait that ended early would cut a frame off.
+/// The number of timer ticks in a µs of the front end's waits. It is chosen for the internal oscillator, which is up to
+/// 4.5 % fast (DS9405), because a wait that ended early would cut a frame off.
 pub const INTERNAL_TICKS_PER_US: u32 = TICKS_PER_US + TICKS_PER_US.div_ceil(20);
 /// The number of timer ticks in a cycle: 720 000, exactly 10 ms.
 pub const PERIOD_TICKS: u32 = TIMER_HZ / 1_000 * profile::CYCLE_MS;
@@ -196,10 +196,11 @@ pub const fn timestamp(tick: u32) -> u32 {
 /// Returns the milliseconds since the first tick's cycle began (wraps), from values read in this order: the number of
 /// ticks served, the timer's count, whether a tick is due (its update flag), the number of ticks served again.
 ///
-/// If a tick was served between the two reads and the count is high, the count was read before the tick, and the time
-/// is the tick's first moment. A tick that is due and not served yet counts if the count is low, and so was read after
-/// the tick. That holds while the delay of the tick's interrupt is less than half a cycle. Otherwise the time would
-/// step back by a cycle whenever the counter wraps just before it is read.
+/// If the two numbers of ticks differ, a tick was served between the two reads. If the count is then high, it was read
+/// before that tick, and the result is the tick's first moment. If a tick is due but not served yet, it counts if the
+/// count is low, because such a count was read after the tick. This holds while the tick's interrupt is delayed by less
+/// than half a cycle. Without these rules the time would step back by a cycle whenever the counter wraps just before it
+/// is read.
 #[must_use]
 pub const fn now_ms(before: u32, count: u32, due: bool, after: u32) -> u32 {
     let wrapped = count < PERIOD_TICKS / 2;

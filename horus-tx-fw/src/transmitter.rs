@@ -10,10 +10,10 @@
 //! be loaded.
 //!
 //! The command that starts a frame must be sent at an exact instant. When the frame's head is loaded, the transmitter
-//! *arms* a [`Ticket`], which says for which cycle and frame the head was loaded, and starts no other transfer. The
-//! slot's interrupt, which has the highest priority, asks [`Ticket::due`], writes the command's byte, and reports to
+//! *arms* a [`Ticket`] and starts no other transfer. The ticket says for which cycle and frame the head was loaded. The
+//! slot's interrupt has the highest priority. It asks [`Ticket::due`], writes the command's byte, and reports to
 //! [`Transmitter::slot`], which starts the load of the rest. A slot without a ticket, or with that of another cycle or
-//! frame, sends nothing: no frame is sent late, or with data older than its cycle's.
+//! frame, sends nothing. So no frame is sent late, or with data older than its cycle's.
 //!
 //! The state machine recovers from a fault of the chip by itself. Only the frames that fall into the recovery are lost.
 

@@ -133,8 +133,8 @@ struct Sent {
     payload: Vec<u8>,
 }
 
-/// Runs `cycles` ticks and returns the frames that were on the air. `before` is called before each tick's profile is
-/// offered, and returns how late the offer is, ns after the tick.
+/// Runs `cycles` ticks and returns the frames that were on the air. `before` is called before the profile of each tick
+/// is offered. It returns how late the offer is, ns after the tick.
 fn run(cycles: u32, telemetry: &Telemetry, before: impl FnMut(u32, &mut Bench) -> u64) -> (Vec<Sent>, Bench) {
     run_on(Config::default(), cycles, telemetry, before)
 }

@@ -3,15 +3,15 @@
 //!
 //! # Bounds
 //!
-//! A right receiver of these models is off by up to [`RIGHT_M`] over ground. That is the sum of a bias that wanders
-//! with 0.8 to 1.1 m in each axis (five deviations in two axes are 7.8 m), white noise, and a latency that varies by 30
-//! ms at 16 m/s. If one of three receivers is wrong, every result still has a right receiver among its members, with
-//! which each member agrees. So the result is at most [`AGREE_M`] away from that right receiver, and at most the sum of
-//! both bounds away from the truth. If all three receivers are members, the median lies between the two right ones or
-//! on one of them.
+//! A right receiver of these models is off by up to [`RIGHT_M`] over ground. That is the sum of three errors: a bias
+//! that wanders with 0.8 to 1.1 m in each axis (five deviations in two axes are 7.8 m), white noise, and a latency that
+//! varies by 30 ms at 16 m/s. If one of three receivers is wrong, every result still has a right receiver among its
+//! members, and each other member agrees with that receiver. So the result is at most [`AGREE_M`] away from that right
+//! receiver, and at most the sum of both bounds away from the truth. If all three receivers are members, the median
+//! lies between the two right ones or on one of them.
 //!
-//! While the two right receivers agree with each other, there is a result at every tick. If they disagree, which is
-//! rare, nobody can tell which of them is right, and only the bound of the result's error is checked.
+//! While the two right receivers agree with each other, there is a result at every tick. They rarely disagree. If they
+//! do, nobody can tell which of them is right, and only the bound of the result's error is checked.
 
 use std::sync::Arc;
 
@@ -262,7 +262,7 @@ struct Outcome {
     worst_m: f64,
     /// The time from the failure to the first tick at which the failed receiver is excluded, ms.
     excluded_after_ms: Option<u32>,
-    /// The time from the failure to the first tick from which on the failed receiver is not a member any more, ms.
+    /// The time from the failure to the first tick after which the failed receiver is never a member again, ms.
     left_after_ms: Option<u32>,
     /// The number of ticks without a result after [`SETTLED_MS`].
     without: u32,

@@ -12,12 +12,12 @@
 //!
 //! # The method
 //!
-//! The dual of the joint code has 2^64 words, too many to count. But a word of low weight is an inner codeword of low
-//! weight, and a few bits elsewhere with the same syndrome in the outer code. The inner code has no words below its
-//! distance and few just above it. So the search finds all inner words of weight up to [`MAX_WEIGHT`] ([`Words`]) and
-//! looks up the outer syndrome of each among the sums of 0, 1, 2, 3 columns of the 352 bits elsewhere. From the
-//! smallest total weight on, each combination of a weight inside and one outside either has a word or is excluded. An
-//! odd total weight needs no search if x + 1 divides the outer polynomial.
+//! The dual of the joint code has 2^64 words, too many to count. But a word of low weight consists of an inner codeword
+//! of low weight and of a few bits elsewhere, and both parts have the same syndrome in the outer code. The inner code
+//! has no words below its distance and few just above it. So the search finds all inner words of weight up to
+//! [`MAX_WEIGHT`] ([`Words`]). It looks up the outer syndrome of each among the sums of 0, 1, 2, 3 columns of the 352
+//! bits elsewhere. From the smallest total weight on, each combination of a weight inside and one outside either has a
+//! word or is excluded. An odd total weight needs no search if x + 1 divides the outer polynomial.
 use std::collections::HashMap;
 use std::num::NonZero;
 

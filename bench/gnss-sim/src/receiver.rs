@@ -2,9 +2,9 @@
 //!
 //! # Design
 //!
-//! A receiver is an iterator of [`Burst`]s in order of time. It calculates each burst when it is asked for it, from the
-//! state before, so a run of any length needs no memory. A burst starts only when the one before has left the line, at
-//! the receiver's bit rate.
+//! A receiver is an iterator of [`Burst`]s in order of time. It calculates a burst only when it is asked for it, from
+//! the state before that burst. So a run of any length needs no memory. A burst starts only when the one before has
+//! left the line, at the receiver's bit rate.
 //!
 //! A generated receiver starts as if HORUS had configured it before; [`Receiver::with_factory_settings`] returns one
 //! that HORUS has yet to configure. A message to the receiver ([`Receiver::hear`]) may change its output; the next
@@ -159,7 +159,7 @@ impl Receiver {
         Self::with_model(Model::fitted(index), index, seed, flight)
     }
 
-    /// Returns a receiver like [`Self::generated`] does, but of the given model.
+    /// Returns a generated receiver ([`Self::generated`]) of the given model.
     #[must_use]
     pub fn with_model(model: Model, index: usize, seed: u64, flight: Arc<Flight>) -> Self {
         Self::from_source(Source::Generated(Box::new(Generated::new(model, index, seed, flight))))

@@ -1,5 +1,5 @@
-//! States from when on the judge must require all functions of an active hold, because no disturbance affects the hold,
-//! its air or the DPR any more.
+//! Determines from when on the judge must require all functions of an active hold: from then on no disturbance affects
+//! the hold, its air or the DPR any more.
 
 use crate::disturbance::HoldPart;
 use crate::{Board, Disturbance, Event, What};

@@ -51,7 +51,7 @@ pub struct Context {
     window: Window,
     frame: Option<Frame>,
     reading: Option<Reading>,
-    /// HORUS's frames, and the states that they require of the DPR; `None` only within [`Context::take`].
+    /// The record of HORUS's frames, and what a correct DPR does with them; `None` only while [`Context::take`] runs.
     air: Option<Box<Air>>,
 }
 

@@ -159,7 +159,8 @@ pub enum Wire {
     Radio,
     /// The GNSS signals. All receivers compute a wrong position and cannot tell.
     Sky,
-    /// The connections of hold and DPR to the air between them, what the log states of both, and the hold's program.
+    /// Everything that belongs to the hold: the connections of hold and DPR to the air between them, the log's
+    /// statements about both, and the hold's program.
     Hold,
     /// The path within the flight controller from its client's verdict to the position that it flies by.
     Client,
@@ -452,7 +453,7 @@ impl Disturbances {
             What::Power { board, .. } => self.start(*board, at),
             What::Reset { board, .. } => {
                 self.start(*board, at);
-                // A board's reset may have interrupted a transfer with its front end.
+                // The reset may have interrupted a transfer, which the front end may report as misuse.
                 let excuse = front_end_use(*board);
                 self.add(
                     at,

@@ -120,7 +120,7 @@ pub struct Reading {
     pub deselected: u64,
     /// The offset in the map of the first byte that the transaction read.
     pub offset: usize,
-    /// Whether every byte was read as 0xFF, because the DPR was busy or no image was readable.
+    /// Whether every byte was read as 0xFF. This happens if the DPR was busy or no image was readable.
     pub silent: bool,
     /// The values of Link-Status, or why it was rejected; `None` if the transaction did not read Link-Status
     /// completely.
@@ -233,7 +233,7 @@ impl Asked {
     }
 }
 
-/// Returns whether `bytes` end in the CRC of the bytes before it, big-endian (docs/design.md#crc).
+/// Returns whether the last bytes of `bytes` are the CRC of all bytes before them, big-endian (docs/design.md#crc).
 #[must_use]
 pub fn is_intact(bytes: &[u8]) -> bool {
     bytes.split_last_chunk().is_some_and(|(bytes, crc)| profile::crc::frame(bytes).to_be_bytes() == *crc)

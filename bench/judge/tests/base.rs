@@ -74,7 +74,7 @@ fn a_profile_changed_on_its_way_is_not_missed_too() {
 #[test]
 fn a_change_explains_one_missing_profile_of_its_time_and_no_other() {
     let (_, log, place) = forwarding(3);
-    // A forwarded profile is missing, and a changed one arrives.
+    // In the changed log, a forwarded profile is missing, and a changed one arrives.
     let spoilt = |log: &Log, place: usize| {
         let mut what = log.events[place].what.clone();
         if let What::Arrived { profile, shown } = &mut what {
@@ -179,7 +179,7 @@ fn the_base_station_may_not_show_an_invalid_object() {
         *arrived(&mut log, place + 1).1 |= 1 << index;
         assert_eq!(found(&log), [(BaseInvalid, 1)], "{index}");
     }
-    // Two objects of the profile have changed places.
+    // In the changed log, two objects of the profile have changed places.
     let mut log = log;
     let (profile, _) = arrived(&mut log, place + 1);
     let second = profile[124..184].to_vec();

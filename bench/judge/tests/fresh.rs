@@ -237,7 +237,7 @@ fn fresh_that_rises_after_the_image_is_readable_is_one_violation() {
     let soon = |place: &usize| next(log.events[*place].at) < log.events[*place].at + 2 * MS;
     let place = rises(&log, 200 * MS).into_iter().find(soon).unwrap();
     let at = log.events[place].at;
-    // FRESH rises too late: during the first transaction that reads the image, or after it.
+    // In the changed log, FRESH rises too late: during the first transaction that reads the image, or after it.
     for (after, violations) in [(1, [(LateReadable, 1)]), (400_000, [(FreshMissing, 1)])] {
         let mut log = log.clone();
         let image = offered(&mut log, place).clone();
@@ -272,7 +272,7 @@ fn a_hit_bit_excuses_unsound_images_until_its_buffer_is_replaced() {
     for (longer, hit) in [(0, false), (1, true)] {
         let from = |at: u64| at - bounds::BUFFER_REPLACED + longer;
         let inject = |log: &mut Log, at: u64| insert(log, from(at), injected(IMAGE_BIT, from(at)));
-        // FRESH announces an unsound image, and no transaction reads it.
+        // In the changed log, FRESH announces an unsound image, and no transaction reads it.
         let mut plan = Plan::new(3, 40);
         let number = plan.showing(200);
         let rose = plan.publications[number].at;

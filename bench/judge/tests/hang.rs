@@ -78,7 +78,7 @@ fn last_end(log: &Log, before: u64) -> u64 {
 
 #[test]
 fn what_had_waited_too_long_when_the_dpr_hung_is_told() {
-    // The DPR keeps the buffers too long, after a transaction or without one.
+    // In the changed log, the DPR keeps the buffers too long, after a transaction or without one.
     let log = Plan::new(3, 60).log();
     let ended = last_end(&log, 258 * MS);
     let unready = silent(&Plan::new(3, 60), ended + 1);

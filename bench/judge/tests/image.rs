@@ -37,7 +37,7 @@ fn a_read_spliced_from_two_images_is_torn() {
                 match found.as_slice() {
                     [(Torn, 1)] => {}
                     [(Damaged, 1)] => assert!(near, "{gps} {at}"),
-                    // Both images have the same bytes at this place, so that the result is one of them.
+                    // The images differ only on one side of the cut, so the transaction reads one of them unchanged.
                     [] => assert!(whole(&now), "{gps} {at}"),
                     [(FreshNotNew, 1)] => assert!(whole(&before), "{gps} {at}"),
                     other => panic!("{gps} {at}: {other:?}"),
@@ -58,7 +58,8 @@ fn a_place_that_is_scrubbed_while_it_is_read_is_torn() {
             assert_eq!(found(&log), [(Torn, 1)], "{range:?} {fill}");
         }
     }
-    // The DPR scrubs the object during the transaction. Its first bytes have one fill value, and the others another.
+    // The DPR scrubs the object during the transaction. The first bytes that are read have the fill value 0x00, and the
+    // others 0xFF.
     let mut log = log.clone();
     miso(&mut log, place)[96..130].fill(0x00);
     miso(&mut log, place)[130..156].fill(0xFF);

@@ -117,7 +117,7 @@ fn a_damaged_length_allows_the_latency_of_a_frame_stored_whole() {
             let place = plan.showing(200);
             let ended = plan.publications[place].at - common::TO_FRESH;
             plan.publications[place].at = ended + bounds::STORE_AND_FORWARD + waits + late;
-            // No transaction comes close to the publication, which it would delay.
+            // A transaction close to the publication would delay it, so there is none.
             let at = plan.publications[place].at;
             plan.selects.retain(|selected| !(at - 2 * MS..at + MS).contains(selected));
             let mut log = plan.log();

@@ -125,7 +125,7 @@ fn a_dpr_that_never_gets_ready_is_a_violation_and_no_other() {
 
 #[test]
 fn a_dpr_kept_selected_since_its_restart_is_ready_once_deselected() {
-    // The DPR restarts just before the flight controller selects it, or while it is selected.
+    // In the changed log, the DPR restarts just before the flight controller selects it, or while it is selected.
     for restart in [258 * MS, 265 * MS] {
         kept_selected_at_a_restart(restart);
     }
@@ -591,7 +591,8 @@ fn a_dpr_selected_for_over_a_cycle_need_not_get_ready() {
         |selected: u64| What::Transaction { selected, mosi: vec![0; 96].into(), miso: vec![0xFF; 96].into() };
     let due = bounds::START;
     for (longer, blamed) in [(0, true), (1, false)] {
-        // The flight controller keeps the DPR selected until after the longest time for the DPR's start.
+        // In the changed log, the flight controller keeps the DPR selected until after the longest time for the DPR's
+        // start.
         let began = due + 1 - CYCLE - longer;
         let selected = [(began, What::Selected), (due + 1, What::Tick), (due + MS, What::End)];
         assert_eq!(never_ready(selected), blamed, "selected, {longer}");
@@ -695,7 +696,7 @@ fn a_transaction_must_be_served_while_an_image_is_readable() {
     };
     let (log, _) = nothing();
     assert!(is_unserved(&log) && !is_unserved(&Plan::new(3, 40).log()));
-    // FRESH rises again just before or within a transaction that finds the DPR busy.
+    // In the changed log, FRESH rises again just before or within a transaction that finds the DPR busy.
     for (apart, unserved) in [(bounds::SSI_READY, false), (bounds::SSI_READY + 1, true)] {
         for within in [false, true] {
             let (mut log, selected) = nothing();

@@ -47,7 +47,7 @@ impl Field {
         self.detected
     }
 
-    /// Whether the chip's carrier must be on, because the oscillator and the transmitter are.
+    /// Whether the oscillator and the transmitter are on. If so, the chip's carrier must be on, too.
     pub(crate) fn wanted(core: &Core) -> bool {
         core.powered() && core.oscillator() && core.operates(EN | TX_EN)
     }

@@ -9,8 +9,8 @@ use crate::report::Kind;
 
 #[derive(Clone, Debug)]
 pub(crate) struct Outgoing {
-    /// The frame on the air. Its chunk has the bytes that the chip adds in front, then those already given to the air,
-    /// without the CRC.
+    /// The frame on the air. Its chunk has the bytes that the chip sends in front, and the bytes from the FIFO that the
+    /// model of the air already has, without the CRC.
     frame: FrameStart,
     trailer_bits: u32,
     /// The number of bytes that the chip sends in front of those from the FIFO.
@@ -25,9 +25,9 @@ pub(crate) struct Outgoing {
 
     start: u64,
     started: bool,
-    /// The number of bytes from the FIFO that the air knows already. Some of them may still be in the FIFO.
+    /// The number of bytes from the FIFO that the model of the air already has. Some of them may still be in the FIFO.
     announced: usize,
-    /// The number of bytes that the air knows and that have left the FIFO.
+    /// The number of bytes that the model of the air has and that have left the FIFO.
     consumed: usize,
     next_byte: u64,
     /// Whether the controller cleared or read the FIFO during the frame, which then breaks off by an underflow.
@@ -188,8 +188,8 @@ impl Outgoing {
         self.byte_start(self.consumed)
     }
 
-    /// Returns the instant, ns, from which fewer than `below` of the FIFO's present `level` bytes are left; `None` if
-    /// there is none.
+    /// Returns the instant, ns, from which fewer than `below` of the `level` bytes that the FIFO holds now are left;
+    /// `None` if there is no such instant.
     pub(crate) fn falls_below(&self, below: usize, level: usize) -> Option<u64> {
         let last = self.consumed + level.checked_sub(below)?;
         (self.started && last < self.total()).then(|| self.byte_start(last))

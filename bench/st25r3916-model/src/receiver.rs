@@ -136,7 +136,7 @@ impl Receiver {
     }
 
     pub(crate) fn frame_starts(&mut self, core: &mut Core, fifo: &mut Fifo, at: u64, frame: FrameStart) {
-        // A frame that begins during another one masks the rest of that one.
+        // If a frame begins during another frame, the receiver loses the rest of the earlier one.
         self.signal_lost(core, fifo, at);
         if self.busy() {
             core.statistics_mut().missed += 1;
@@ -351,8 +351,9 @@ fn crc_right(rx: &Incoming) -> bool {
     right == *crc
 }
 
-/// Whether the frame is a SENSF_REQ (LEN 6, command 0, system code, request code, slots) for the chip's system code,
-/// which is in the passive target memory. FF in a byte of the request's system code fits any value (JIS X 6319-4).
+/// Whether the frame is a SENSF_REQ (LEN 6, command 0, system code, request code, slots) for the chip's system code.
+/// The chip has its system code in the passive target memory. A byte FF in the request's system code fits any value
+/// (JIS X 6319-4).
 fn asks_for_own(core: &Core, rx: &Incoming) -> bool {
     let own = &core.registers().target_memory()[15..17];
     rx.frame.technology == Technology::NfcF

@@ -208,7 +208,8 @@ fn a_frame_whose_fifo_runs_dry_is_not_delivered() {
 
 #[test]
 fn an_nfc_a_frame_is_delivered_unless_its_fifo_runs_dry() {
-    // The FIFO has three bytes, or one too few, or the command sends a short frame.
+    // The FIFO has all three bytes of the frame, or one byte too few. The last command sends a short frame without the
+    // FIFO.
     for (loaded, command, delivered) in [(3, 0xC4, true), (2, 0xC4, false), (0, 0xC6, true)] {
         let mut pair = nfc_a_poller(Config::default());
         pair.spi(Side::Poller, &[0xDB]);

@@ -168,7 +168,7 @@ fn an_answer_that_begins_under_the_mask_timer_is_not_received() {
 
 #[test]
 fn a_listener_without_load_modulation_stays_mute() {
-    // HORUS link's listener has these settings. The driver's resistance never changes, so that the listener does not
+    // HORUS link's listener has these settings. The driver's resistance never changes, so the listener does not
     // modulate.
     let mut pair = exact_pair();
     pair.spi(Side::Listener, &[0x29, 0xFF]);
@@ -206,7 +206,7 @@ fn settings_that_cannot_answer_are_found_and_not_heard() {
     let cases: [(Variant, &[u8], Written); 9] = [
         (a, &[0x29, 0x55], (Space::A, 0x29, 0x55)),
         (a, &[0x29, 0xF5], (Space::A, 0x29, 0xF5)),
-        // The board has no external modulator, which this write selects.
+        // This write selects an external modulator, which the board does not have.
         (a, &[0xFB, 0x28, 0x20], (Space::B, 0x28, 0x20)),
         (b, &[0x29, 0xEE], (Space::A, 0x29, 0xEE)),
         (b, &[0xFB, 0x28, 0xA0], (Space::B, 0x28, 0xA0)),

@@ -167,7 +167,7 @@ impl Tag {
         for line in lines {
             match line {
                 Line::Irq { at, level: true } => rose = *at,
-                // The firmware has read I_rxs alone, so an answer has begun.
+                // The firmware has read an interrupt register in which only I_rxs was set, so an answer has begun.
                 Line::Transfer { mosi, miso, .. } if mosi[0] == 0x5A && miso[1] == 0x20 => {
                     answers.push((rose, Vec::new()));
                 }

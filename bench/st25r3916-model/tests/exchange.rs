@@ -96,8 +96,8 @@ fn an_answer_leaves_at_a_fixed_instant_whatever_it_says() {
         let answer = world.back.take_heard().pop().expect("an answer was heard");
         after.push(answer.started_ns - frame.ended_ns);
     }
-    // I_rxe comes 4.72 µs after the frame's end, the transmit command 700 µs later. The command takes one byte, and the
-    // answer's first bit leaves 3.65 µs after it.
+    // I_rxe comes 4.72 µs after the frame's end, and the transmit command 700 µs after I_rxe. The command takes one
+    // byte, and the answer's first bit leaves 3.65 µs after the command.
     assert_eq!(after, [4_720 + 700_000 + 1_000 + 3_650; 4]);
 }
 

@@ -228,7 +228,7 @@ fn a_frame_loaded_in_parts_and_then_cleared_counts_as_damaged() {
     let mut load = vec![0x80];
     load.extend_from_slice(&payload(244, 1)[16..]);
     pair.spi(Side::Poller, &load);
-    // The air knows only the first 16 bytes. About 40 bytes have been sent when the FIFO is cleared.
+    // The model of the air has only the first 16 bytes. About 40 bytes have been sent when the FIFO is cleared.
     pair.run_for(650_000);
     pair.spi(Side::Poller, &[0xDB]);
     pair.run_for(6_000_000);
@@ -298,7 +298,7 @@ fn the_water_level_comes_again_each_time_a_reception_reaches_it() {
         let (n, _) = pair.fifo(Side::Poller);
         assert!((300..=301).contains(&n), "{n} bytes at I_wl");
         levels += 1;
-        // With 50 bytes left, I_wl comes again after 250 more.
+        // After the controller has read the FIFO, 50 bytes are left. So I_wl comes again after 250 further bytes.
         data.extend(pair.read_fifo(Side::Poller, 250));
     }
     assert_eq!(levels, 4, "at 300, 550, 800 and 1050 bytes");

@@ -10,7 +10,8 @@ use nrf52840::{Nrf52840, Settings};
 use st25r3916_model::{Chip, Config};
 use stm32f429::{Oscillators, Stm32f429};
 
-/// Returns an error in CI, where nobody reads the message. `how` tells the user how to get what is missing.
+/// Returns words that tell the user what is missing and, by `how`, how to get it. In CI these words are an error,
+/// because nobody reads messages there.
 pub(crate) fn verdict(ci: bool, missing: &str, how: &str) -> Result<String, String> {
     let words = format!("not run: {missing} ({how})");
     if ci { Err(words) } else { Ok(words) }

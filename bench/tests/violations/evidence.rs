@@ -56,8 +56,7 @@ table! {
         duration: || 1_000 * MS,
         ..Row::new(Violation::HorusRestarted, Faults::none)
     };
-    // The stack pointer leads outside the memory, so that the next interrupt causes a fault and the watchdog resets the
-    // DPR.
+    // The stack pointer leads outside the memory, so the next interrupt causes a fault and the watchdog resets the DPR.
     a_dpr_whose_stack_pointer_lost_a_bit => Row {
         duration: || 3_000 * MS,
         ..Row::new(Violation::DprRestarted, || {

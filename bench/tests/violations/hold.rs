@@ -15,7 +15,7 @@ fn with_hold(setup: &mut Setup) {
     setup.writes = true;
 }
 
-/// Returns a row with a hold beside the link, whose run of 4 s deviates from its log from 2 s on.
+/// Returns a row with a hold beside the link and a run of 4 s.
 const fn row(violation: Violation, faults: fn() -> Faults) -> Row {
     Row { duration: || 4_000 * MS, setup: with_hold, ..Row::new(violation, faults) }
 }
@@ -36,7 +36,7 @@ fn broken(what: Break) -> Faults {
 
 table! {
     a_hold_that_sends_nothing => row(Violation::HoldSilent, || broken(Break::Mute));
-    // The firmware checks its cycle by another timer, so that the expected time is changed as well.
+    // The firmware checks the length of its cycle by a second timer, so the length expected there is changed as well.
     a_hold_with_a_cycle_of_96_ms => row(Violation::HoldEarly, || {
         let expected = Fault::Hold(HoldFault::Constant { of: 24_500, value: 23_500 });
         constant(25_000, 24_000).with(0, u64::MAX, expected)

@@ -82,7 +82,7 @@ fn patches<B: Powered>(mut node: Node<B>, changes: &[Change]) -> Vec<(u32, Vec<u
             _ => patches.push((address, vec![after])),
         }
     }
-    // The branches follow the stubs to which they lead.
+    // In this order the stubs are written before the branches that lead to them.
     patches.reverse();
     patches
 }

@@ -1,5 +1,5 @@
-//! The table of violations. Each row breaks the world or a release program so that the judge reports one violation, and
-//! apart from it only the firmware's own fault counter. Every violation has a row.
+//! The table of violations. Each row makes the surroundings or a release program fail so that the judge reports one
+//! violation. In addition, the judge may report only the firmware's own fault counter. Every violation has a row.
 //!
 //! The event log of each row is judged in pieces, as a whole, and after it was stored and read. The verdicts must be
 //! equal.

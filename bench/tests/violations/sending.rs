@@ -78,7 +78,7 @@ table! {
         setup: |setup| setup.crystals.horus_ppb = 25_000_000,
         ..Row::new(Violation::TickIrregular, Faults::none)
     };
-    // The task that loads frames over SPI does nothing for 35 ms.
+    // The fault keeps the task that loads frames over SPI from doing anything for 35 ms.
     the_transfers_task_is_dead => Row {
         also: Some(Violation::HorusComplains),
         ..Row::new(Violation::NoFrame, || image(ImageFault::Dead("DMA2_STREAM0".into()), 35 * MS))
@@ -111,7 +111,8 @@ table! {
     a_wrong_table_of_the_position_crc => {
         Row::new(Violation::SentInvalid, || image(poke("crc::POSITION_TABLE", &[0; 1024]), 45 * MS))
     };
-    // HORUS's count of ticks changes before the first tick, because HORUS later compares the count with its vote.
+    // The fault changes HORUS's count of ticks before the first tick. After it, HORUS compares the count with the tick
+    // of its vote and would stop.
     a_count_of_ticks_that_does_not_begin_with_zero => Row {
         also: Some(Violation::HorusComplains),
         ..Row::new(Violation::TimestampWrong, || Faults::none().with(
@@ -153,7 +154,7 @@ table! {
         let switches = Fault::Input(0, InputFault::Active);
         wire(WireFault::InputsUnseen, 300 * MS).with(breaks() + MS, breaks() + 61 * MS, switches)
     });
-    // PE3, chip select of the receiver on SPI, stays an input.
+    // In the changed program, PE3, chip select of the receiver on SPI, stays an input.
     a_receiver_that_is_never_selected => Row {
         duration: || 1_800 * MS,
         setup: |setup| stores(setup, Board::Horus, ALWAYS, &[bits(GPIOE_MODER, 0xC0, 0)]),
@@ -162,7 +163,7 @@ table! {
     a_voter_that_is_too_strict => {
         Row::new(Violation::ExclusionWrong, || with_offset(voter(&[(CEILING, TWO)]), 3))
     };
-    // PD5, on which HORUS sends to GPS1, stays an input.
+    // In the changed program, PD5, on which HORUS sends to GPS1, stays an input.
     a_receiver_that_hears_nothing_keeps_its_factory_settings => Row {
         gps: 1,
         duration: || 5_600 * MS,

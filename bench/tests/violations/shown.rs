@@ -37,7 +37,7 @@ fn link_status(byte: usize, bits: u8) -> Faults {
 }
 
 fn regressed() -> Faults {
-    // The fault makes the second transaction that reads an image repeat an older transaction.
+    // The fault makes the second transaction that reads an image repeat the bytes of an older transaction.
     let begins = reads() + CONTROL_CYCLE / 2;
     of_wire(begins, begins + CONTROL_CYCLE, WireFault::MisoReplay { age_ns: CYCLE })
 }
@@ -57,7 +57,7 @@ fn hangs_with_an_image() -> Faults {
 
 table! {
     vacant => Row::new(Violation::Vacant, || of_wire(breaks(), u64::MAX, WireFault::MisoVacant { object: 2 }));
-    // Each object is missing for some cycles, although Link-Status calls all accepted.
+    // The faults remove each object for some cycles, although Link-Status calls all objects accepted.
     not_shown => Row::new(Violation::NotShown, || {
         let vacant = |faults: Faults, object| {
             faults.with(breaks(), breaks() + 3 * CYCLE, Fault::Wire(WireFault::MisoVacant { object }))
@@ -95,8 +95,8 @@ table! {
         duration: || breaks_with(1) + 2 * CYCLE,
         ..Row::new(Violation::ShownOutOfSequence, || {
             let repeated = AirFaults { repeated: 1.0, repeat_after_ns: (2 * MS, 2 * MS), ..AirFaults::default() };
-            // The flight controller reads after the repetition of the frame, 2 ms after its end, and before the next
-            // frame.
+            // The frame is repeated 2 ms after its end. The flight controller reads after the repetition and before the
+            // next frame.
             let begins = breaks_with(1) + 750 * US;
             hangs(Faults::none().with(begins, begins + CYCLE, Fault::Air(repeated)), begins + CYCLE)
         })
@@ -108,13 +108,13 @@ table! {
         lost(breaks(), breaks() + 2 * CYCLE).with(breaks() + 8 * MS, breaks() + 21 * MS, dead)
     });
     shown_expired => Row::new(Violation::ShownExpired, hangs_in_silence);
-    // The two PPI channels that let an image expire in hardware are disabled.
+    // The changed program disables the two PPI channels that let an image expire in hardware.
     shown_expired_by_a_dpr_that_hangs => Row {
         setup: |setup| stores(setup, Board::Dpr, ALWAYS, &[instead(PPI_CHENSET, 2, 0), instead(PPI_CHENSET, 4, 0)]),
         ..Row::new(Violation::ShownExpired, hangs_with_an_image)
     };
-    // A transaction repeats the bytes of an earlier one. The slow clock keeps transactions away from the rises of
-    // FRESH.
+    // A transaction repeats the bytes of an earlier one. The flight controller's slow clock keeps transactions away
+    // from the rises of FRESH.
     regression => Row {
         setup: |setup| setup.crystals.flight_controller_ppb = -1_000_000,
         ..Row::new(Violation::Regression, regressed)

@@ -19,8 +19,8 @@ const TIMER2_CC2: u32 = 0x4000_A548;
 const TICKS_PER_US: u32 = 72;
 /// The slot of the second frame of five receivers, µs after HORUS's tick.
 const SECOND_SLOT_US: u32 = 4_130;
-/// The counts in a microsecond of HORUS's check of its slots: SysTick runs at 18 MHz, and its counts are shifted by 8
-/// bits.
+/// HORUS checks its slots by SysTick, which runs at 18 MHz. The number of counts in a microsecond, as the check shifts
+/// it by 8 bits.
 const SYSTICK_COUNTS_PER_US: u32 = 18 << 8;
 
 fn wire(at: u64, ns: u64, fault: WireFault) -> Faults {
@@ -54,7 +54,7 @@ table! {
         ..Row::new(Violation::NeverReady, || {
             let sealed = ImageFault::Patch { address: 0, bytes: vec![], sealed: true };
             let dead = |task: &str| Fault::Image(Board::Dpr, ImageFault::Dead(task.into()));
-            // Both tasks are dead, because either of them would publish an image.
+            // Both tasks that can publish an image are dead, because either of them alone would publish one.
             let both = Faults::none().with(0, u64::MAX, dead(COMMIT)).with(0, u64::MAX, dead(DEADLINE));
             both.with(0, u64::MAX, Fault::Image(Board::Dpr, sealed))
         })
@@ -86,7 +86,7 @@ table! {
             ..Row::new(Violation::FreshUnreadable, || {
                 let other = Identifier(Identifier::LINK_STATUS.0 + 0x100);
                 let (of, value) = (Identifier::LINK_STATUS.0.into(), other.0.into());
-                // The DPR gets another constant for Link-Status's identifier while a frame arrives.
+                // The fault gives the DPR another constant for Link-Status's identifier while a frame arrives.
                 dpr(breaks() - 2 * MS, 100 * MS, ImageFault::Constant { of, value })
             })
         };
@@ -94,8 +94,8 @@ table! {
     a_second_frame_in_a_late_slot_makes_its_sample_late => Row {
         gps: 5,
         ..Row::new(Violation::LateSample, || {
-            // The firmware checks its slots by SysTick, so that the expected times are changed as well: 4010 µs between
-            // the slots, and 5870 µs to the tick. The compiler adds either time in two parts.
+            // The firmware checks its slots by SysTick, so the expected times are changed as well: 4010 µs between the
+            // slots, and 5870 µs to the tick. The compiler adds either time in two parts.
             [
                 (SECOND_SLOT_US * TICKS_PER_US, (SECOND_SLOT_US + 2_230) * TICKS_PER_US),
                 (4_010 * SYSTICK_COUNTS_PER_US - 0x1_F400, 6_240 * SYSTICK_COUNTS_PER_US - 0xC000),
@@ -109,7 +109,7 @@ table! {
             })
         })
     };
-    // At the deadline of a lost frame the DPR takes the buffers from the SPIS without a transaction.
+    // At the deadline of a lost frame, the DPR takes the buffers from the SPIS although no transaction has ended.
     a_processor_that_keeps_the_buffers_without_a_transaction_holds_the_ssi_back => Row {
         setup: |setup| setup.sweep = Some(after_each_frame(200_000, 60)),
         ..Row::new(Violation::HeldBack, || {
@@ -120,7 +120,7 @@ table! {
     };
     a_miso_line_that_is_stuck_high_for_one_transaction_serves_nothing =>
         Row::new(Violation::Unserved, || wire(reads() - US, CONTROL_CYCLE / 2, WireFault::MisoOnes));
-    // The compare value that ends FRESH's pulse is halved.
+    // The changed program halves the compare value that ends FRESH's pulse.
     a_fresh_that_is_high_for_half_as_long_is_too_short => Row {
         setup: |setup| stores(setup, Board::Dpr, ALWAYS, &[instead(TIMER2_CC2, 2, 1)]),
         ..Row::new(Violation::FreshShort, Faults::none)

@@ -105,7 +105,8 @@ fn words(findings: Vec<Finding>) -> Vec<String> {
 /// The interrupts' enable registers, ARMv7-M ARM B3.4.4.
 const ISER: u32 = 0xE000_E100;
 
-/// Returns a change of the store to ISER register `word` that would enable the interrupts `of`. It then enables none.
+/// Returns a change of the store to ISER register `word` that enables the interrupts `of`. The changed store enables
+/// none of them.
 const fn never_iser(word: u32, of: u32) -> Change {
     instead(ISER + 4 * word, of, 0)
 }

@@ -1,9 +1,9 @@
 //! Response times of tasks with fixed priorities, from execution times and arrivals: pure functions.
 //!
-//! The response time of a task is the time from its release to its end. Its bound is the least fixed point of
-//! `w = B + C + interference(w)`, where C is its execution time, B the longest time for which a less urgent task keeps
-//! it from running, and the interference is what more urgent tasks can demand in a window of the length w (M. Joseph,
-//! P. Pandya, *Finding response times in a real-time system*, The Computer Journal 29 (5), 1986). Tasks of the same
+//! The response time of a task is the time from its release to its end. Its bound is the least fixed point of `w = B +
+//! C + interference(w)` (M. Joseph, P. Pandya, *Finding response times in a real-time system*, The Computer Journal 29
+//! (5), 1986). C is the task's execution time, and B the longest time for which a less urgent task keeps it from
+//! running. The interference is what more urgent tasks can demand in a window of the length w. Tasks of the same
 //! priority count as more urgent, since any of them may be served first. A task that may be released again before it
 //! has ended is looked at job by job until the processor is idle (J. P. Lehoczky, *Fixed priority scheduling of
 //! periodic task sets with arbitrary deadlines*, RTSS 1990).
@@ -49,7 +49,7 @@ impl Arrivals {
 pub struct Curve {
     /// The width of a step, above 0.
     pub step: u64,
-    /// The execution time that windows up to the end of each step demand; it never falls.
+    /// For each step, the execution time that a window up to the end of this step demands. The values never fall.
     pub demands: Vec<u64>,
 }
 
@@ -134,7 +134,7 @@ fn fixed_point(work: u64, interference: &[Interference<'_>], limit: u64) -> Opti
     None
 }
 
-/// Returns whether these tasks demand more than the whole processor, so that there is no bound.
+/// Returns whether these tasks demand more than the whole processor. If so, there is no bound.
 fn overloads(own: Arrivals, cost: u64, interference: &[Interference<'_>]) -> bool {
     let share = |arrivals: Arrivals, cost: u64| (arrivals.most * cost) as f64 / arrivals.within as f64;
     let others = interference.iter().map(|it| match *it {

@@ -120,8 +120,8 @@ fn task(table: &Table, seen: &BoardSeen, at: usize, known: &[TaskFigures]) -> Ta
         let is_delay = other != at && its.priority <= stated.priority && its.vector != stated.vector;
         let bounded = if its.group == stated.group { its.group.on_itself() } else { its.group.on_others() };
         if is_delay && bounded == Bounded::Stated {
-            // Releases in fixed phases count from this task's release, so that an earlier release of another task may
-            // still be unfinished.
+            // If the tasks have fixed phases, releases count from this task's release. An earlier job of the other task
+            // may then still be unfinished.
             let jitter = if fixed_phases { response_of(its, known.get(other)) } else { 0 };
             interference.push(Interference::Task {
                 arrivals: its.arrivals,

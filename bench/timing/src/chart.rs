@@ -60,8 +60,8 @@ pub fn lanes(run: &Run, shown: &Shown) -> Vec<Lane> {
     lanes
 }
 
-/// Returns bars of events in the log: HORUS's frames for 0, transactions and FRESH for 1, the hold's frames and answers
-/// for 2.
+/// Returns the bars of some events in the log. The number selects them: 0 HORUS's frames, 1 transactions and FRESH, 2
+/// the hold's frames and answers.
 fn of_log(log: &Log, which: usize) -> Vec<Bar> {
     let bars = log.events.iter().filter_map(|event| {
         let (name, from) = match (&event.what, which) {

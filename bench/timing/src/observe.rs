@@ -26,13 +26,13 @@ pub struct Watched {
     pub within: u64,
     /// The longest window, ns, in which the demand of the task's group is measured, from a release of the task on.
     pub horizon: u64,
-    /// Whether the task is a step of a driver that has only one transfer or wait at a time. Transfers and waits that
-    /// begin after the task's end cannot delay the task.
+    /// Whether the task is a step of a driver that has only one transfer or wait at a time. If so, transfers and waits
+    /// that begin after the task's end cannot delay the task.
     pub is_step: bool,
-    /// Whether the task is called at the end of such a driver's transfers and waits.
+    /// Whether the task is called at the end of each transfer or wait of a driver that has only one at a time.
     pub is_stepped: bool,
-    /// An exception by which a job of this task is told from a job of another task with the same vector: the two
-    /// exceptions became pending together.
+    /// An exception that tells a job of this task from a job of another task with the same vector. It became pending
+    /// together with the task's own exception.
     pub together: Option<u16>,
 }
 
@@ -51,7 +51,8 @@ pub struct Seen {
     pub apart: u64,
     /// The longest time for which the released task did not run although no more urgent code ran.
     pub blocked: u64,
-    /// The greatest demand of the tasks in the group that can delay this task, in windows from its release on.
+    /// The greatest demand of those tasks of the group that can delay this task. The demand is measured in windows that
+    /// begin with a release of this task.
     pub own: Curve,
 }
 
@@ -131,7 +132,7 @@ struct Job {
     cost: u64,
 }
 
-/// A release of a task after which the demand is not measured yet.
+/// A release of a task. The demand after this release is not measured yet.
 #[derive(Clone, Debug)]
 struct Release {
     at: u64,
@@ -175,8 +176,8 @@ pub struct Observer {
     priorities: Vec<i16>,
     group_horizon: u64,
     contexts: Vec<Context>,
-    /// The pending exceptions, each with the instant (ns) at which it became pending, and with the unfinished jobs at
-    /// that instant and their running times.
+    /// The pending exceptions, each with the instant (ns) at which it became pending. Each also has the jobs that were
+    /// unfinished at that instant, and their running times.
     pending: BTreeMap<u16, (u64, Vec<(u64, u64)>)>,
     /// The instant, ns, at which each exception last became pending.
     pended: BTreeMap<u16, u64>,
@@ -186,7 +187,7 @@ pub struct Observer {
     phase: Phase,
     /// The instant of the last event.
     last: u64,
-    /// Whether a task has run since the last reset, so that the firmware has started.
+    /// Whether a task has run since the last reset. If so, the firmware has started.
     started: bool,
     resets: u64,
     /// The finished jobs that a demand may still include, in order of their ends.
@@ -280,7 +281,8 @@ impl Observer {
     }
 
     fn event(&mut self, at: u64, event: Scheduled) {
-        // A board may count its last cycles before a change of the clock by either clock.
+        // Near a change of the clock, a board may count some cycles by either clock, so an instant may seem to step
+        // back.
         let at = at.max(self.last);
         if matches!(self.phase, Phase::Runs) {
             let last = std::mem::replace(&mut self.last, at);
@@ -355,7 +357,8 @@ impl Observer {
             };
             task.exception == exception && task.together.is_none_or(together)
         };
-        // A task that is recognised by a second exception stands behind the other task with the same vector.
+        // If two tasks have the same vector, the one that a second exception identifies comes later in the table. So
+        // the search begins at the end.
         let task = self.tasks.iter().rposition(|task| is_of(&task));
         self.started |= task.is_some();
         let priority = task.map_or(-1, |task| self.tasks[task].priority);
@@ -405,7 +408,7 @@ impl Observer {
                 (true, None) => context.masked.push((priority, context.own, mask <= 0)),
                 (false, Some(place)) => {
                     let (_, since, all) = context.masked.swap_remove(place);
-                    // Masked sections do not delay anything while the firmware starts.
+                    // Masked sections during the start of the firmware are not counted, because they delay no task.
                     if self.started {
                         let longest = seen.masked.entry((context.task, priority, all)).or_default();
                         *longest = (context.own - since).max(*longest);

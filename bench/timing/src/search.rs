@@ -54,7 +54,7 @@ impl Run {
     }
 }
 
-/// Returns the run of which a chart shows the worst cycle: the link with a hold, without faults.
+/// Returns the run whose worst cycle a chart shows: the link with a hold, without faults.
 #[must_use]
 pub fn charted(images: &TimingImages, gps: usize, clock: Clock) -> Run {
     let link = Images { dpr: images.dpr_with_hold.clone(), ..images.link.clone() };
@@ -225,7 +225,7 @@ impl Watch {
 
     fn take(&mut self, node: &mut dyn AnyNode, reached: u64) {
         self.observer.take(node.take_schedule());
-        // The memory test clears the stack before the firmware has started.
+        // The stack is measured only after the start, because the memory test of the start clears the whole stack.
         if let Some(stack) = self.stack.filter(|_| self.observer.has_started()) {
             let used = node.stack_touched(stack, GUARD);
             self.seen.stack = (self.seen.stack.0.max(used), stack.size());

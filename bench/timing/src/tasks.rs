@@ -13,8 +13,8 @@ const MS: u64 = 1_000_000;
 /// The shortest time, ns, between the ends of two transactions that call `ssi_end`.
 const PAUSE: u64 = PAUSE_US as u64 * US;
 
-/// A window, ns, that is shorter than a cycle of HORUS without its crystal, whose oscillator is up to 5 % fast. A task
-/// may also come 0.1 ms earlier in its cycle than in the cycle before.
+/// A window, ns, that is shorter than the shortest cycle of HORUS. Without its crystal HORUS's oscillator is up to 5 %
+/// fast, and a task may come 0.1 ms earlier in its cycle than in the cycle before.
 const CYCLE: u64 = 9_400 * US;
 
 /// A group of tasks that follow from one chain of causes. The tasks have fixed phases to each other, but any phase to
@@ -54,8 +54,8 @@ impl Group {
         }
     }
 
-    /// Returns how the delay by this group is bounded for its own tasks, which have fixed phases if they follow from
-    /// one chain of causes.
+    /// Returns how the delay by this group is bounded for the group's own tasks. They have fixed phases if they follow
+    /// from one chain of causes.
     #[must_use]
     pub const fn on_itself(self) -> Bounded {
         match self {
@@ -88,11 +88,11 @@ pub struct Stated {
     pub source: &'static str,
     /// Whether the task is a step of a driver that has only one transfer or wait at a time.
     pub is_step: bool,
-    /// The vector of a task that is called together with this one, if that distinguishes the row from another one of
-    /// the same task.
+    /// The vector of a task that is called together with this one. It is given only if it distinguishes this row from
+    /// another row of the same task.
     pub together: Option<&'static str>,
-    /// Whether no code outside the tasks masks all interrupts at the task's release, because such code avoids ticks and
-    /// slots (`timing::quiet` in horus-tx-fw).
+    /// Whether no code outside the tasks masks all interrupts at the task's release. Code that masks them keeps away
+    /// from ticks and slots (`timing::quiet` in horus-tx-fw).
     pub in_quiet: bool,
 }
 
@@ -159,8 +159,8 @@ const HORUS: &[Row] = &[
 /// The tasks of HORUS that a tick or a slot calls.
 const AT_TICK_OR_SLOT: [&str; 4] = ["slot", "rf_slot", "cycle", "vote"];
 
-/// The DPR's `commit` has two rows: it prepares an image while a frame arrives, and publishes the image at the frame's
-/// end. Only the second work is called together with `scrub`.
+/// The DPR's `commit` has two rows, because it does two kinds of work. It prepares an image while a frame arrives, and
+/// it publishes the image at the frame's end. Only for the publication it is called together with `scrub`.
 const PUBLISHES: &str = "commit, at a frame's end";
 
 const DPR: &[Row] = &[

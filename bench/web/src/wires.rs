@@ -22,7 +22,7 @@ struct Change {
     what: [u8; 3],
 }
 
-/// The changes of the wires. HORUS's may lie after the instant that the flight has reached.
+/// The changes of the wires. A change of HORUS's wires may come after the instant that the flight has reached.
 #[derive(Debug)]
 pub(crate) struct Wires {
     now: u64,

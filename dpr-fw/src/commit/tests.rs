@@ -204,7 +204,7 @@ fn an_image_is_not_withdrawn_while_a_frame_is_due() {
     is_not_withdrawn_while_a_frame_is_due::<1>();
     is_not_withdrawn_while_a_frame_is_due::<3>();
     is_not_withdrawn_while_a_frame_is_due::<5>();
-    // Before the first cycle no frame is due, and neither is one once the second frame of a cycle was missed.
+    // Before the first cycle no frame is due. After the second frame of a cycle was missed, no frame is due either.
     let mut bench = Bench::<5>::new();
     assert!(bench.commit.withdraw(FRAME_DEADLINE_US - 2_500, &Health::default(), &mut bench.album));
     let mut bench = Bench::<5>::in_sequence();
@@ -360,7 +360,8 @@ fn the_wrap_of_the_counter_is_no_break() {
 #[test]
 fn a_silence_as_long_as_the_counter_is_no_cycle() {
     let mut bench = Bench::<1>::in_sequence();
-    // Since the last sample the 32-bit counter of µs has wrapped once and gone one cycle further.
+    // Since the last sample, the 32-bit µs counter has wrapped once and then counted one more cycle. So it has the
+    // value that the next cycle would have had.
     for _ in 0..4_294 {
         let now_us = bench.commit.deadline_us().wrapping_add(987_500);
         assert!(bench.check(now_us));
@@ -600,8 +601,8 @@ fn newest(sent: &[Sent], receivers: usize, now: i128) -> Vec<(usize, u32)> {
     with_it.into_iter().chain(alone).collect()
 }
 
-/// Returns what the newest image shows while frame `number`, the first of its cycle, waits for the second frame. If the
-/// frame before it was still waiting, that frame is published when this one ends.
+/// Returns what the newest image shows while frame `number`, the first of its cycle, waits for its second frame. If the
+/// previous frame still waited for its own second frame, it is published when frame `number` ends.
 fn before(sent: &[Sent], receivers: usize, number: usize) -> Vec<(usize, u32)> {
     let Some(previous) = number.checked_sub(1) else { return Vec::new() };
     let passed = sent[number].ended_us - sent[previous].ended_us;

@@ -16,7 +16,7 @@ const LAST: u8 = 6;
 const ANSWER: u8 = 3;
 const SHORTEST: u8 = 1;
 
-/// A rule of the second port's code that a test breaks on purpose, so that the exploration must find a fault.
+/// A rule of the second port's code that a test breaks on purpose, so the exploration must find a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mutation {
     None,

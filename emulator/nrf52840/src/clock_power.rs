@@ -265,7 +265,7 @@ impl Instance for ClockPower {
         Some(match offset {
             0x400 => self.reset_reason,
             0x408 => u32::from(self.hf_run),
-            // HFCLK always runs; SRC tells its source.
+            // HFCLK always runs; SRC states its source.
             0x40C => 1 << 16 | u32::from(self.hf_stable),
             0x414 => u32::from(self.lf_run),
             0x418 => self.lf.map_or(0, |source| 1 << 16 | source as u32),

@@ -6,8 +6,8 @@
 //! | TICK, OVRFLW, COMPARE\[n\], each only while EVTEN or INTEN enables it | 6.22 |
 //! | a compare register written with the present count or the next one matches only after a wrap | 6.22 |
 //!
-//! A task takes effect at the present LFCLK tick. The part takes one to two ticks more, so that CC = COUNTER + 1
-//! sometimes matches there. Here it never matches and is a finding, since firmware must not rely on it.
+//! A task takes effect at the present LFCLK tick. The part takes one to two ticks more, so CC = COUNTER + 1 sometimes
+//! matches there. Here it never matches and is a finding, since firmware must not rely on it.
 //!
 //! Left out: the jitter of the CPU's tasks against LFCLK (PS 6.22).
 use crate::clocks::Clocks;

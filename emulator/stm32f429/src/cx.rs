@@ -3,7 +3,7 @@
 //! A peripheral instance is a [`Peripheral`]: plain data that the part calls with a [`Cx`], which has the time and the
 //! clocks and takes the instance's effects. Methods return the levels of interrupts and DMA requests, and the part asks
 //! for them after every other call. The outside answers at once (a serial frame's bits, a voltage) through [`Wires`].
-//! Only [`Peripheral::advance`] gets these, since such an answer never comes within a register access.
+//! Only [`Peripheral::advance`] gets the [`Wires`], since such an answer never comes within a register access.
 //!
 //! Instances are made with the manual's number, such as `Spi::new(n)` and `Usart::new(n)` (UARTs too), or without one,
 //! such as `Rtc::new()` and `Adc::new()` (all three with the common registers, offsets 0 to 0x3FF). A USART also has

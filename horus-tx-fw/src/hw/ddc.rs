@@ -6,8 +6,8 @@
 //! interrupts, not the buffer (ITEVTEN, ITERREN; not ITBUFEN). So a message goes out byte by byte on BTF, with the
 //! clock held in between. A DMA stream reads, with LAST to refuse the last byte, and raises an interrupt at its end.
 //!
-//! After a START or STOP was requested, CR1 is not written before the peripheral has carried the request out, since a
-//! write could request it twice (RM0090, "I2C", control register 1).
+//! After a START or STOP was requested, CR1 is not written before the peripheral has carried the request out. A write
+//! could request the START or STOP twice (RM0090, "I2C", control register 1).
 //!
 //! During a recovery of the bus, SWRST is set from when the pins are disconnected until they are given back.
 //!

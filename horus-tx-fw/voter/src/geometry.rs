@@ -7,10 +7,10 @@
 //! arithmetic, which has only float32, do all but the last step.
 //!
 //! The vector from one place to another is the difference of their positions in space, seen along north, east and up of
-//! the first place. No term of it is the small difference of two large ones. Latitudes enter as their difference,
-//! longitudes by sine and by 1 - cosine = 2 sine² of half of their difference, and the cosine of a latitude is the sine
-//! of its complement to 90°, computed in integers. So the vector is right across ±180° and around the poles. For places
-//! far apart the vector is long in any direction, since its part along up is never left out.
+//! the first place. No term of it is the small difference of two large ones. Latitudes enter as their difference.
+//! Longitudes enter by sine and by 1 - cosine = 2 sine² of half of their difference. The cosine of a latitude is the
+//! sine of its complement to 90°, computed in integers. So the vector is right across ±180° and around the poles. For
+//! places far apart the vector is long in any direction, since its part along up is never left out.
 //!
 //! The vector leaves out the change of the radii of curvature between the two places, 2e-6 of the distance at 1 km, and
 //! the square of the difference of the latitudes, 3e-9. With the rounding of float32 the error is below 5 mm at 1 km,
@@ -91,8 +91,8 @@ impl Place {
     /// Returns latitude and longitude, degrees, of the point `north` and `east` metres from this place, at most some
     /// hundred. Without a step the result is exactly the position that was stated.
     pub(crate) fn degrees(&self, [north, east]: [f32; 2]) -> [f64; 2] {
-        // The first value is the distance of the point from the earth's axis along the direction of this place, the
-        // second along the point's own direction.
+        // `away` is the point's distance from the earth's axis, and `outward` the part of that distance in the
+        // direction of this place.
         let outward = self.across * self.cosine - north * self.sine;
         let away = libm::sqrtf(outward * outward + east * east);
         let ahead = outward >= 0.0;

@@ -21,9 +21,9 @@
 //! - **No jump at once.** A place or an altitude that cannot be reached at 200 m/s from the last one shown is held back
 //!   until it has lasted for a second (see `hold`).
 //! - **A majority of right receivers always has a result.** More than half of the receivers are members of a result, so
-//!   any majority has one of them. No receiver of a majority that agrees is ever excluded, since it agrees with a
-//!   member, and the majority itself is a set that can win. Whatever other receivers send, a result is only lost for
-//!   the second for which a jump is held back.
+//!   any majority has one of them. No receiver of a majority that agrees is ever excluded, because it agrees with a
+//!   member. The majority itself is a set that can win. Whatever other receivers send, a result is lost only while a
+//!   jump is held back, for a second.
 //!
 //! # What it cannot do
 //!
@@ -66,11 +66,12 @@ pub const MOST_HORIZONTAL_ACCURACY_MM: u32 = 30_000;
 /// The largest vertical accuracy, mm: 50 m (decision 15, candidates).
 pub const MOST_VERTICAL_ACCURACY_MM: u32 = 50_000;
 
-/// The latency (time from the epoch of a position to its arrival) of the candidate in the middle, ms: a receiver takes
-/// it to compute and send (decision 15, brought to the tick; u-blox data sheets and recordings: 40 to 80 ms).
+/// The latency of the candidate in the middle, ms (decision 15, paragraph "Brought to the tick"; u-blox data sheets and
+/// recordings: 40 to 80 ms). A latency is the time from a position's epoch to its arrival, in which the receiver
+/// computes and sends the position.
 pub const LATENCY_MS: i32 = 50;
-/// How much the latency of a candidate may differ from that of the candidate in the middle, ms (decision 15, brought to
-/// the tick).
+/// How much the latency of a candidate may differ from that of the candidate in the middle, ms (decision 15, paragraph
+/// "Brought to the tick").
 pub const LATENCY_SPREAD_MS: i32 = 50;
 /// The length of a week, ms, after which the time of week begins at 0 again.
 pub const WEEK_MS: u32 = 7 * 24 * 3_600 * 1_000;
@@ -209,9 +210,9 @@ impl<const N: usize> Voter<N> {
         Self::excluding(0)
     }
 
-    /// Returns a voter that has not voted since a restart, before which the receivers of the mask `excluded` were
-    /// excluded: they have to agree for [`RETURNS_AFTER_MS`] from now on. A mask that no vote leads to counts as empty:
-    /// one with a receiver that does not exist, or with half of the receivers or more.
+    /// Returns a voter that has not voted since a restart. The receivers of the mask `excluded` were excluded before
+    /// the restart: they have to agree for [`RETURNS_AFTER_MS`] from now on. A mask with a receiver that does not
+    /// exist, or with half of the receivers or more, counts as empty, because no vote leads to it.
     #[must_use]
     pub const fn excluding(excluded: u8) -> Self {
         const { assert!(N >= 1 && N <= MOST_RECEIVERS, "HORUS carries one to five receivers") }
@@ -332,9 +333,9 @@ fn axis_of<const N: usize>(
 
 /// Returns the time from the epoch of each position to its arrival, in units of half a millisecond.
 ///
-/// All receivers tell the time of week of the same system. So a receiver's latency is greater by as much as its message
-/// arrives later after its time of week than another receiver's. The candidate with the median latency gets
-/// [`LATENCY_MS`], and the others as much more or less as their messages took. If the difference is above
+/// A receiver's lag is the time from its message's time of week to the message's arrival. All receivers tell the time
+/// of week of one system, so two latencies differ by as much as the two lags. The candidate with the median lag gets
+/// [`LATENCY_MS`], and the others get more or less by their lag's difference from it. If this difference is above
 /// [`LATENCY_SPREAD_MS`], the receiver's time of week is wrong, and its position gets [`LATENCY_MS`], too.
 fn latencies<const N: usize>(inputs: &[Input; N], candidates: u8) -> [i32; N] {
     const HALF_A_WEEK_MS: i32 = WEEK_MS as i32 / 2;
@@ -369,8 +370,9 @@ fn bring(input: &Input, half_ms_before_arrival: i32) -> Brought {
     }
 }
 
-/// Returns, for each candidate, a mask of the candidates that agree with it, including itself. Also returns distances:
-/// row `i` has, for candidate `i` and each after it, its place, m north and east of the place that `i` stated.
+/// Returns, for each candidate, a mask of the candidates that agree with it, including itself. Also returns distances.
+/// Row `i` is for candidate `i`: it has the place of this candidate and of each after it, m north and east of the place
+/// that candidate `i` stated.
 fn compare<const N: usize>(
     inputs: &[Input; N],
     brought: &[Brought; N],

@@ -16,9 +16,9 @@ const SUM_BITS: u32 = 29;
 const MEMBER: u32 = 1 << 16;
 const KEPT: u32 = 1 << 8;
 
-/// Returns the set that wins; 0 if no receiver is eligible. Only sets in `eligible` count in which each pair agrees.
-/// The set with most members wins; among equals that with most of `last`, then that with the least sum of `accuracies`
-/// (m), then that with the lower receiver numbers.
+/// Returns the set that wins; 0 if no receiver is eligible. A set counts only if it consists of receivers in `eligible`
+/// of which each pair agrees. The set with the most members wins. Among equal sets the one with the most receivers of
+/// `last` wins, then the one with the least sum of `accuracies` (m), then the one with the lower receiver numbers.
 ///
 /// `friends[i]` are the receivers that agree with receiver `i`, including itself. Every set is examined once, made from
 /// a smaller set by adding the receiver with the highest number.
@@ -35,7 +35,8 @@ pub(crate) fn winner<const N: usize>(friends: &[u8; N], eligible: u8, last: u8, 
     let mut sum = [0_u32; SETS];
     let (mut best, mut best_rank) = (0, 0);
     for index in 0..N {
-        // The sets whose highest receiver is `index` follow all sets of the lower receivers.
+        // Sets are ordered by their highest receiver: all sets of lower receivers precede those whose highest receiver
+        // is `index`.
         let top = 1 << index;
         for rest in 0..top {
             let set = rest | top;

@@ -94,7 +94,7 @@ fn compare<const N: usize>(ticks: &[(Vec<Report>, u32)]) -> Result<(), TestCaseE
     for (report, later) in ticks {
         let inputs: [Input; N] = std::array::from_fn(|i| report[i].input());
         let (verdict, opinion) = (voter.vote(&inputs, now), oracle.vote(&report[..N], now));
-        // If rounding decides a vote, neither it nor the votes after it can be compared.
+        // If rounding decides a vote, this vote and the votes after it cannot be compared.
         if opinion.narrow {
             return Ok(());
         }

@@ -308,7 +308,7 @@ fn ties_go_to_the_last_pair_then_accuracy_then_lower_numbers() {
 
 #[test]
 fn of_equal_triples_of_five_the_lowest_numbers_win() {
-    // Any three neighbours in the row of places 1 4 2 5 3 agree.
+    // The receivers stand in a row in the order 1 4 2 5 3. Any three neighbours in this row agree.
     let at = |norths: [f64; 5]| norths.map(|north| GOOD.stating(1_000, 1_000).moved(north, 0.0));
     assert_eq!(once(at([0.0, 4.8, 9.6, 2.4, 7.2])).members, 0b01011, "1, 2 and 4, not 2, 4 and 5 or 2, 3 and 5");
     assert_eq!(once(at([9.6, 4.8, 0.0, 7.2, 2.4])).members, 0b01011, "1, 2 and 4 again");
@@ -646,8 +646,8 @@ fn a_step_beyond_speed_and_accuracies_is_a_jump() {
     assert!(shown(GOOD.moved(0.0, 0.02 - reach)) && !shown(GOOD.moved(0.0, -0.02 - reach)));
     let (a, b) = (reach * 0.6, reach * 0.8);
     assert!(shown(GOOD.moved(a - 0.02, b - 0.02)) && !shown(GOOD.moved(a + 0.02, b + 0.02)));
-    // Two results may have different accuracies. The pairs include those with the least and the greatest step that
-    // counts as no jump.
+    // Two results may have different accuracies. Some of the pairs reach the least and the greatest step that can count
+    // as no jump.
     let between = |one: u32, other: u32, by: f64| {
         let mut flight = Flight { voter: Voter::new(), now: 0 };
         assert!(flight.is_shown(GOOD.stating(one, 2_500)));

@@ -105,8 +105,8 @@ fn respond(link: &mut Link<'_, Wires>, chip: &mut Chip, interrupts: &mut impl It
     }
 }
 
-/// Times `Link::offer`, each `Link::poll` and `Ticket::is_due` in cycles in which both writers send a command, and adds
-/// up all that the tasks of a cycle do.
+/// Times `Link::offer`, each `Link::poll` and `Ticket::is_due` in cycles in which both writers send a command. Also
+/// adds up all that the tasks of a cycle do.
 pub(crate) fn exchange(cycles: &Cycles) {
     let telemetry = Telemetry::new();
     let (mut hold, answer) = commanded(HoldCommand::SetPoint(30.0), &telemetry);

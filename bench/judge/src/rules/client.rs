@@ -51,7 +51,7 @@ struct Read {
 #[derive(Clone, Copy, Debug)]
 struct First {
     timestamp: u32,
-    /// The instant, ns, at which the transaction began that first read the sample.
+    /// The beginning, ns, of the transaction that first read the sample.
     selected: u64,
     /// The earliest instant, ns, at which FRESH can have announced the sample to the client.
     announced: u64,

@@ -23,8 +23,9 @@ pub const MOST: u16 = 8_000 + 32;
 pub const HOT: i32 = 46_500;
 /// The time for which a box that is too hot may be heated, ns: two records of its temperature.
 pub const HOT_FOR: u64 = 200 * MS;
-/// The longest time for which the heater may be on after the climate sensor's last measurement, ns. It covers 3 s in
-/// the firmware, a cycle of the hold, 104 ms of the watchdog (because a hung hold leaves its PWM on), and a margin.
+/// The longest time for which the heater may be on after the climate sensor's last measurement, ns. It is the sum of 3
+/// s in the firmware, a cycle of the hold, 104 ms of the watchdog (because a hung hold leaves its PWM on), and a
+/// margin.
 pub const BLIND: u64 = 3_300 * MS;
 
 /// The rule; see the [module](self).

@@ -57,7 +57,7 @@ pub const STORED: (u64, u64) = (30 * MS, 900 * MS);
 /// The largest errors of temperature (°C), humidity (%) and supply (V) in Hold-Status: twice those of the sensor's data
 /// sheet, and the change between two measurements.
 pub const STATED: (f32, f32, f32) = (0.8, 5.0, 0.1);
-/// The report of a front end that begins to answer after the hold's carrier went off.
+/// The front end's report if it begins to answer after the hold's carrier has gone off.
 const OVERTAKEN: &str = "transmission without a field";
 /// The supply of the bench's hold, V.
 const SUPPLY: f32 = 3.0;
@@ -98,12 +98,12 @@ fn is_newer(number: u16, than: u16) -> bool {
 struct Writer {
     /// The commands that came in the last three seconds.
     came: VecDeque<Came>,
-    /// The last new command, and the number of its uplinks with different timestamps.
+    /// The last new command, and how many uplinks with different timestamps have brought it.
     insists: Option<(Came, u32)>,
 }
 
 impl Writer {
-    /// Returns the longest time, ns, for which uplinks with this command had the same timestamp.
+    /// Returns the longest time, ns, for which this command came in uplinks with one and the same timestamp.
     fn heard_for(&self, number: u16) -> u64 {
         let of = self.came.iter().filter(|came| came.number == number);
         let since = |last: &Came| self.came.iter().find(|came| came.timestamp == last.timestamp).map(|came| came.at);
@@ -131,7 +131,7 @@ pub struct Hold {
     /// The objects that the flight controller wrote in the last two seconds.
     written: VecDeque<Written>,
     writers: [Writer; 2],
-    /// The last Hold-Status before a restart of the hold, with which its first one after the restart must agree.
+    /// The last Hold-Status before a restart of the hold. The first Hold-Status after the restart must agree with it.
     kept: Option<HoldValues>,
     /// The instant, ns, of the last change of the lock's pin, and the level since then.
     lock: Option<(u64, bool)>,
@@ -217,7 +217,7 @@ impl Hold {
             HoldEvent::Power { .. } => self.restarted(at, false),
             HoldEvent::Reset { cause, .. } => self.restarted(at, *cause != Cause::PowerOn),
             HoldEvent::Finding { text } => findings.add(Violation::HoldComplains, at, || text.clone()),
-            // The DPR cannot tell that the carrier goes off when its answer begins.
+            // The hold's carrier may go off just when an answer begins. The DPR cannot detect that in time.
             HoldEvent::PortMisuse { text } if at < self.calm.sends() && text.contains(OVERTAKEN) => {}
             // A DPR that hangs loads no more bytes of its answer.
             HoldEvent::PortMisuse { .. } if context.running(Board::Dpr).hung.is_some() => {}
@@ -273,7 +273,8 @@ impl Hold {
         if before.is_none() {
             self.statuses.clear();
         }
-        // A later Hold-Status than the first after the restart may already follow a command.
+        // Only the first Hold-Status after a restart must agree with the kept one. A later Hold-Status may already
+        // follow a command.
         let kept = self.kept.take().filter(|_| is_first && values.timestamp == 0);
         if let Some(before) = before.or(kept) {
             self.commanded(at, &before, &values, findings);

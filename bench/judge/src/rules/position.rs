@@ -235,7 +235,7 @@ mod tests {
     #[test]
     fn a_position_may_be_as_old_as_a_solution_may_be_valid() {
         let oldest = bounds::POSITION_OLDEST / bounds::CYCLE;
-        // The aircraft moves away after the first tick, but HORUS goes on sending the first position.
+        // In this run the aircraft moves away after the first tick, but HORUS goes on sending the first position.
         let leaves = |number: u64| if number == 1 { 0 } else { 50_000 };
         assert_eq!(run(1, 1 + oldest, leaves, |_| Some((0, 0)), vec![]).0, []);
         let late = run(1, 2 + oldest, leaves, |_| Some((0, 0)), vec![]).0;

@@ -1,8 +1,8 @@
 //! Judges the age and the alarms that the base station states about the drone.
 //!
-//! The age is that of the Reported-Position that the base station shows, the newest that arrived. This rule compares
-//! that age with HORUS's tick. It also judges the alarms that follow from the age, from a silence and from
-//! Reported-Position's status:
+//! The base station states the age of the Reported-Position that it shows, which is the newest one that arrived. This
+//! rule compares that age with HORUS's tick. It also judges the alarms that follow from the age, from a silence and
+//! from Reported-Position's status:
 //!
 //! | alarm | holds if |
 //! |---|---|

@@ -323,8 +323,8 @@ pub(crate) fn dpr_reset(asked: bool) -> What {
     What::Reset { board: Board::Dpr, cause: Cause::Pin, asked }
 }
 
-/// Returns the indices of the transactions that read the same image as the transaction before, so that the flight
-/// controller forwards nothing.
+/// Returns the indices of those transactions that read the same image as the transaction before. After such a
+/// transaction the flight controller forwards nothing.
 pub(crate) fn repeats(log: &Log) -> Vec<usize> {
     let mut last: Option<&[u8]> = None;
     let mut places = vec![];
@@ -370,7 +370,8 @@ pub(crate) fn run(gps: usize) -> (Plan, Log, usize) {
     (plan, log, place)
 }
 
-/// Returns the last image that differs from the one in the transaction at index `place` and was read before it.
+/// Returns the last image that was read before the transaction at index `place` and differs from the image in that
+/// transaction.
 pub(crate) fn image_before(log: &Log, place: usize) -> Vec<u8> {
     let mut log = log.clone();
     let now = miso(&mut log, place).clone();

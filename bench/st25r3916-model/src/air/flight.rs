@@ -92,7 +92,7 @@ pub(super) struct Flight {
     /// The frame's events after its start, each with the time from its first bit, ns. Events after the frame's end are
     /// ignored.
     pub(super) later: VecDeque<(u64, Later)>,
-    /// Whether the frame carries the bytes of an earlier frame, so that the poller's further bytes are ignored.
+    /// Whether the frame carries the bytes of an earlier frame. If so, the poller's further bytes are ignored.
     pub(super) frozen: bool,
     pub(super) changed: bool,
     /// The faults in the frame, each with the time, ns, from the frame's first bit to the first bit with the fault.

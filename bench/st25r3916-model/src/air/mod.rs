@@ -199,8 +199,8 @@ impl Air {
     /// "scatter", "field off" and "frozen".
     ///
     /// A bit error or a burst has the instant at which its first wrong bit reaches the listener. A cut has the instant
-    /// of the frame's end there, and a repetition that of its first bit. All other faults, and an error in the sync,
-    /// have the instant at which the poller sent the frame's first bit.
+    /// at which the frame ends at the listener. A repetition has the instant of its own first bit there. All other
+    /// faults, and an error in the sync, have the instant at which the poller sent the frame's first bit.
     pub fn take_injected(&mut self) -> Vec<(u64, &'static str)> {
         std::mem::take(&mut self.account.injected)
     }

@@ -104,8 +104,8 @@ impl Chip {
         self.spi.state = State::Mode;
     }
 
-    /// Returns each rise of chip select, virtual ns, that ended a transmit command (C4 to C7) since the last call. It
-    /// is the last instant of a transmission that the controller determines.
+    /// Returns the instants, virtual ns, at which chip select rose after a transmit command (C4 to C7) since the last
+    /// call. This rise is the controller's last influence on the instant of a transmission.
     pub fn take_transmits(&mut self) -> Vec<u64> {
         std::mem::take(&mut self.transmits)
     }

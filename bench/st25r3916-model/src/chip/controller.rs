@@ -35,9 +35,9 @@ pub struct SpiFrame {
 }
 
 impl Chip {
-    /// Transfers a frame and returns the bits on MISO, in the order of [`SpiFrame::mosi`]. For every whole byte, `each`
-    /// is called with the chip, the instant at which the eighth clock ended (virtual ns), the byte to the chip, and the
-    /// byte from the chip.
+    /// Transfers a frame and returns the bits on MISO, in the order of [`SpiFrame::mosi`]. `each` is called for every
+    /// whole byte. Its arguments are the chip, the instant at which the eighth clock ended (virtual ns), the byte to
+    /// the chip, and the byte from the chip.
     ///
     /// The frame also sets the controller's clock rate, as [`Chip::spi_clock_hz`] does.
     pub fn clock_frame(&mut self, frame: &SpiFrame, mut each: impl FnMut(&mut Self, u64, u8, u8)) -> u32 {

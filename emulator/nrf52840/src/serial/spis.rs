@@ -24,12 +24,12 @@ use crate::memory::Memory;
 /// The least number of cycles from CSN to the first edge of SCK (tSPIS,SUCSN).
 const CSN_SETUP: u64 = cycles(1_000);
 const SHORTEST_BYTE: u64 = cycles(1_000);
-/// The cycles by which a limit may be missed without a finding. Clocks have errors, and instants are rounded to a
+/// A limit may be missed by this number of cycles without a finding. Clocks have errors, and instants are rounded to a
 /// cycle.
 const SLACK: u64 = cycles(100);
 
-/// Returns, for the SPI modes of controller and target, whether the data that the target receives, and the data that it
-/// sends, come one bit late.
+/// Returns two answers for these SPI modes of controller and target: whether the data that the target receives comes
+/// one bit late, and whether the data that the target sends comes one bit late.
 const fn late(one: SpiMode, other: SpiMode) -> (bool, bool) {
     use SpiMode::{Mode0, Mode1, Mode2, Mode3};
     match (one, other) {

@@ -62,7 +62,8 @@ pub(crate) struct Soc {
     /// The latest cycle at which anything has happened in the part.
     pub(crate) now: Cycle,
     pub(crate) signals: Signals,
-    /// The instances, as bits, that were called. Their interrupt lines and next cycles must still be taken over.
+    /// The instances that were called, as bits. Their interrupt lines and the cycles of their next events must still be
+    /// updated.
     touched: u64,
     /// The instances, as bits, that have an event due at some time.
     scheduled: u64,
@@ -77,7 +78,7 @@ pub(crate) struct Soc {
     pub(crate) watchdog_resets: Vec<WatchdogReset>,
     pub(crate) spis_wires: Option<SpisWires>,
     restarting: Option<Reset>,
-    /// Whether nothing happens in the part, because it waits for its restart.
+    /// Whether the part waits for its restart. If so, nothing happens in it.
     halted: bool,
     off: bool,
     held: bool,

@@ -101,7 +101,7 @@ impl Soc {
         self.drive(at, csn, Some(false), outside);
     }
 
-    /// Passes a byte that an SPI controller has clocked until `at` to the SPIS. The caller delivers the effects.
+    /// Passes a byte that an SPI controller has clocked until `at` on to the SPIS. The caller delivers the effects.
     fn spis_byte(&mut self, at: Cycle, mosi: u8, mode: SpiMode) -> Option<u8> {
         let wires = self.spis_wires?;
         let selected = |number: &usize| {
@@ -123,7 +123,7 @@ impl Soc {
         miso
     }
 
-    /// Exchanges several bytes. The first ended at `first`, and each further byte ends `time` 2⁻¹⁶ cycles later.
+    /// Exchanges several bytes. The first byte ended at `first`. The bytes are `time` apart, in units of 2⁻¹⁶ cycles.
     pub(crate) fn spis_exchange<O: Outside>(
         &mut self,
         first: Cycle,

@@ -107,14 +107,14 @@ pub(crate) struct I2c {
     /// SDA.
     held: Option<u64>,
     due: Cycle,
-    /// Whether the next byte is not acknowledged, because the DMA has signalled EOT_1.
+    /// Whether the DMA has signalled EOT_1. If so, the next byte is not acknowledged.
     is_last: bool,
-    /// Whether an unexpected stop came while a start was requested, so that the start is never generated.
+    /// Whether an unexpected stop came while a start was requested. If so, the start is never generated.
     start_lost: bool,
     /// Whether SR1 was read, the first step of the clearing sequences.
     status_read: bool,
     held_ack: bool,
-    /// Whether the receiver acknowledged the last byte, so that the transfer goes on.
+    /// Whether the receiver acknowledged the last byte. If so, the transfer goes on.
     goes_on: bool,
     pclk: u32,
 }

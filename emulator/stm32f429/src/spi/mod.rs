@@ -129,7 +129,7 @@ impl Spi {
         if self.cr1 & DFF != 0 { 0xFFFF } else { 0xFF }
     }
 
-    /// Whether the mode only receives, so that SCK runs although no data is sent.
+    /// Whether the mode only receives. If so, SCK runs although no data is sent.
     fn receives_only(&self) -> bool {
         if self.cr1 & BIDIMODE != 0 { self.cr1 & BIDIOE == 0 } else { self.cr1 & RXONLY != 0 }
     }

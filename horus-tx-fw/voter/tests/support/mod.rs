@@ -219,7 +219,7 @@ impl Moves for Level {
     }
 }
 
-/// The result that was shown last, and the row of later results that are held back, each with its tick.
+/// The result that was shown last, and the series of later results that are held back, each with its tick.
 #[derive(Clone, Debug)]
 struct Jumps<T> {
     shown: Option<(u32, T)>,
@@ -422,8 +422,8 @@ impl Oracle {
     }
 }
 
-/// Returns the age of each position at the tick, s: the time since its arrival, and its latency by decision 15 (brought
-/// to the tick).
+/// Returns the age of each position at the tick, s: the time since its arrival, and its latency by decision 15
+/// (paragraph "Brought to the tick").
 fn ages(report: &[Report], candidates: &[usize]) -> Vec<f64> {
     const WEEK: f64 = 604_800.0;
     let lag = |i: usize| {

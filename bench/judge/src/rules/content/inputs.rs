@@ -4,8 +4,8 @@
 //! cycle, within [`bounds::SAMPLED_AFTER_TICK`] after the tick. HORUS accepts a reading after three equal samples in a
 //! row, and a contradiction after ten samples without three equal ones in a row.
 //!
-//! Reported-Position shows in the next cycle the state that follows from the accepted readings: that of the most severe
-//! input that is not inactive.
+//! In the next cycle, Reported-Position shows the state that follows from the accepted readings. The most severe input
+//! that is not inactive determines this state.
 //!
 //! If the pins of an input change while HORUS may sample them, the judge allows every outcome. After an irregular tick
 //! the number of samples is unknown, so the judge requires nothing until later samples determine the reading.
@@ -145,8 +145,8 @@ fn shown(taken: [Option<Says>; INPUTS]) -> Vec<HorusState> {
 }
 
 impl Pair {
-    /// Returns the readings that HORUS may have accepted, `None` for no reading yet. Returns `None` alone if they are
-    /// not known.
+    /// Returns the readings that HORUS may have accepted. An entry is `None` if HORUS may have accepted no reading yet.
+    /// Returns `None` if the possible readings are not known.
     fn taken(&self, from_start: bool) -> Option<Vec<Option<Says>>> {
         if self.samples.iter().filter(|says| says.len() > 1).count() > MOST_UNSURE {
             return None;

@@ -7,8 +7,8 @@
 //! the tick. It may show a message that arrived up to [`bounds::SAMPLED_AFTER_TICK`] after the tick.
 //!
 //! A GPS object's values and status are compared bit by bit; `track` determines the status bits by the message's age.
-//! HORUS may miss a message whose line was disturbed, whose bytes came before HORUS's first tick, or that lies within
-//! bytes that look like another message.
+//! HORUS may miss a message in three cases: the line was disturbed, the message's bytes came before HORUS's first tick,
+//! or they lie within bytes that look like another message.
 //!
 //! # What is not judged
 //!
@@ -63,18 +63,18 @@ struct Line {
     /// The messages that have arrived and that HORUS may not have processed yet.
     arriving: VecDeque<Message>,
     tracks: [Track; 3],
-    /// The instant, ns, at which the last message arrived that HORUS has certainly processed.
+    /// The arrival, ns, of the last message that HORUS has certainly processed.
     heard: Option<u64>,
     /// The latest instant, ns, at which HORUS may have found its last message.
     may_have_heard: Option<u64>,
     solution: Option<u64>,
-    /// The instants, ns, at which valid positions will have arrived whose bytes are still on the line.
+    /// The valid positions whose bytes are still on the line: the instants, ns, at which they will have arrived.
     solutions: VecDeque<u64>,
     /// The number of bytes that a receiver on a bus has yet to send.
     waiting: u64,
     /// The instant, ns, until which HORUS may drop the bytes that it reads from the receiver.
     doubtful: u64,
-    /// Whether HORUS may also drop the first bytes that it reads after the instant `doubtful`.
+    /// Whether HORUS may also drop the first bytes that it reads after the instant in `doubtful`.
     unproven: bool,
 }
 
@@ -94,8 +94,8 @@ impl Line {
         }
     }
 
-    /// Allows HORUS to drop the bytes that it reads until the instant `until`, ns, and the first bytes that it reads
-    /// later.
+    /// Allows HORUS to drop all bytes that it reads until `until`, ns, and the first bytes that it reads after this
+    /// instant.
     fn doubt(&mut self, until: u64) {
         (self.doubtful, self.unproven) = (self.doubtful.max(until), true);
     }
@@ -149,7 +149,7 @@ impl Line {
         self.unproven = true;
     }
 
-    /// Returns whether the receiver may have sent two messages of one kind in one cycle, so that GPS objects show only
+    /// Returns whether the receiver may have sent two messages of one kind in one cycle. If so, GPS objects show only
     /// the second.
     fn hurried(&self, tick: u64) -> bool {
         let by = tick + bounds::SAMPLED_AFTER_TICK;
@@ -253,7 +253,7 @@ impl Line {
     }
 }
 
-/// Returns the bits of the three numbers in a GPS object that belong to this kind of message.
+/// Returns, as bits, the three numbers of a GPS object that come from a message of this kind.
 fn numbers(kind: Kind, values: &GpsValues) -> [u64; 3] {
     match kind {
         Kind::Position => [values.latitude, values.longitude, values.altitude].map(f64::to_bits),

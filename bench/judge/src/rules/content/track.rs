@@ -150,7 +150,7 @@ impl Track {
         self.pace.taken(time_of_week);
     }
 
-    /// Records a message of which HORUS has by now decided whether to use it.
+    /// Records a message that HORUS may have missed, or may find later than usual.
     pub(super) fn doubted(&mut self, time_of_week: u32, said: MessageContent, arrived: u64) {
         self.possible(time_of_week, said, (arrived, arrived + FOUND_LATE));
         self.pace.doubted();

@@ -122,8 +122,8 @@ pub(super) struct Reader {
     crossings: Vec<Crossing>,
     /// The instant, ns, at which the last byte of the line had arrived.
     last: Option<u64>,
-    /// The number of bytes at the beginning of `bytes` in which HORUS may find messages late or not at all, because
-    /// they may belong to an earlier message with a wrong checksum.
+    /// The number of bytes at the beginning of `bytes` that HORUS may take for a part of an earlier, damaged message.
+    /// HORUS may find messages that begin in these bytes late or not at all.
     doubtful: usize,
 }
 
@@ -143,7 +143,7 @@ impl Reader {
 
         self.last = self.crossings.last().map(|byte| byte.to).or(self.last);
 
-        // HORUS may wait for the end of an incomplete message, or of one with a wrong length, which never comes.
+        // If a message is incomplete or has a wrong length, HORUS may wait for an end that never comes.
         let (mut doubtful, mut waiting) = (self.doubtful, 0);
         let (mut open, mut start) = (None, 0);
         while let Some(rest) = self.bytes.get(start..).filter(|rest| !rest.is_empty()) {
@@ -188,8 +188,8 @@ enum Claim {
     None,
     /// The beginning of an incomplete message, which has at least this many bytes.
     Open(usize),
-    /// A message of this many bytes that has a wrong checksum or is too long for HORUS, which waits for the message's
-    /// end.
+    /// A message of this many bytes that has a wrong checksum or is too long for HORUS. HORUS waits for the end of such
+    /// a message.
     Wrong(usize),
     /// A complete message of this many bytes.
     Right(usize),

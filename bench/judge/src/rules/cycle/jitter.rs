@@ -68,8 +68,8 @@ pub(super) struct Worst {
 impl Worst {
     /// Judges the jitter since HORUS's last start, at its next start or the end of the run.
     ///
-    /// A late tick also makes its command and its frame late. Of tick, command and air, only the first whose spread
-    /// exceeds its bound is therefore reported. The time between cycles scatters at least as much and is not judged.
+    /// A late tick also makes its command and its frame late. Therefore only the first of tick, command and air whose
+    /// spread exceeds its bound is reported. The time between cycles scatters at least as much and is not judged.
     pub(super) fn start_over(&mut self, jitter: &Jitter, layout: Layout, context: &Context) {
         let command = if context.worst_case() {
             bounds::TICK_TO_COMMAND_JITTER_PESSIMISTIC

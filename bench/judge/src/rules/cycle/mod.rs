@@ -10,9 +10,9 @@
 //!
 //! # One cause, one violation
 //!
-//! - A restart may cut off a transmit command or a frame and switches the field off; neither is reported. If ticks and
-//!   frames are missing for at most [`bounds::WATCHDOG_LONGEST`] before a reset that was not asked for, HORUS was hung,
-//!   and only the reset is reported.
+//! - A restart may cut off a transmit command or a frame, and it switches the field off. Neither is reported. If ticks
+//!   and frames are missing for at most [`bounds::WATCHDOG_LONGEST`] before a reset that was not asked for, HORUS was
+//!   hung, and only the reset is reported.
 //! - A frame that is reported for another reason also counts as sent, so that it is not reported as missing too. This
 //!   holds for a command without its frame, a frame without a command, a broken frame and an extra frame.
 //! - If the field drops, no frame is required until the end of the cycle in which the field comes back. HORUS may
@@ -52,7 +52,7 @@ const LETS_GO: u64 = 100;
 #[derive(Clone, Copy, Debug)]
 struct Command {
     at: u64,
-    /// Whether the frame that was commanded may be missing, because the field was off or HORUS hung.
+    /// Whether the frame that was commanded may be missing. This is so if the field was off or HORUS hung.
     cut_off: bool,
 }
 
@@ -86,7 +86,7 @@ struct Tick {
     number: Number,
     /// Whether the cycle has a violation.
     blamed: bool,
-    /// Whether the cycle's frames may be missing, because the field was off or HORUS hung.
+    /// Whether the cycle's frames may be missing. This is so if the field was off or HORUS hung.
     cut_off: bool,
     /// For each frame of the cycle, the instants, ns, of its command and of its first preamble bit.
     frames: [Option<(u64, u64)>; 2],
@@ -448,7 +448,7 @@ impl Cycle {
             return others(run);
         };
         if frame.number.is_none() && disturbances.excuse(Excuse::Sending, at) {
-            // A register of the front end that has the frame's length may be wrong.
+            // The front end's register with the frame's length may hold a wrong value.
             return others(run);
         }
         let Some(number) = frame.number.or(disturbances.excuse(Excuse::Damage, at).then_some(0)) else {
@@ -512,8 +512,8 @@ fn objects_are_right(at: u64, frame: &Frame, number: &mut Number, findings: &mut
         right = false;
         findings.add(Violation::SentInvalid, at, || format!("object {} at {}: {why}", object.index, ms(at)));
     }
-    // The timestamps of the GPS objects come first, because rule `content` judges that of Reported-Position if all
-    // others are right.
+    // The GPS objects come first. If one of them has a timestamp, rule `content` judges the timestamp of
+    // Reported-Position.
     let mut against = false;
     for object in frame.objects.iter().rev() {
         let Some(timestamp) = object.timestamp().filter(|_| object.index > 0 || !against) else { continue };

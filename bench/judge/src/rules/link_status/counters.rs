@@ -155,7 +155,7 @@ impl Counters {
             == places * u64::from(values.frames_received)
     }
 
-    /// Returns the counters of this image, with which later images are compared. Returns `None` if a frame was overdue
+    /// Returns the counters of this image, for the comparison with later images. Returns `None` if a frame was overdue
     /// at `at`, ns.
     pub(super) fn baseline(&self, values: &LinkValues, at: u64) -> Option<Baseline> {
         let overdue = self.missed.iter().any(|missed| missed.overdue(at + bounds::SEQUENCE_BAND) > 0);

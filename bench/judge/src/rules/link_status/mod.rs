@@ -16,8 +16,8 @@
 //! | `LinkFlags` | the frames at the antenna, the DPR's last start, and the injected faults |
 //! | `LinkTime` | the time since the DPR's start |
 //!
-//! An image that breaks rule `ssi`, because of its announcement by FRESH, is not compared. If objects are missing in
-//! the image (rule `shown`), bits 0 and 1 of the status may fit the image or the frames at the antenna.
+//! If FRESH has not announced an image as rule `ssi` requires, the image is not compared. If objects are missing in the
+//! image (rule `shown`), bits 0 and 1 of the status may fit the image or the frames at the antenna.
 //!
 //! While [`Excuse::Hearing`] holds, only the time, the reason of the last reset and the report of a front end that does
 //! not answer are judged. That report must come within [`bounds::FRONT_END_TOLD`]. While [`Excuse::LinkCounters`]
@@ -69,8 +69,8 @@ struct Sample {
 }
 
 impl Sample {
-    /// Returns a sample that stands for two samples, of which `other` is the newer, and for all possible samples
-    /// between them.
+    /// Returns a sample that stands for this sample, for the newer sample `other`, and for all possible samples between
+    /// them.
     fn or(self, other: Self) -> Self {
         let newest = self.delay.max(other.at.saturating_sub(self.at) + other.delay);
         Self { at: self.at, delay: newest, unsure: self.unsure.max(other.unsure) }
@@ -81,7 +81,7 @@ impl Sample {
 struct Snapshot {
     frame: Option<Delivery>,
     counters: Counters,
-    /// The samples of which one is the last that the DPR accepted.
+    /// The samples that the DPR may have accepted last; one of them it has.
     samples: Vec<Sample>,
     /// Whether it is possible that the DPR has accepted no sample.
     none: bool,
@@ -89,10 +89,11 @@ struct Snapshot {
     must: u8,
     /// The objects of the cycle that the DPR may have accepted; bit n is object n.
     may: u8,
-    /// The instants, ns, until which the DPR must hold the sequence, and until which it may.
+    /// Two instants, ns. The DPR must hold the sequence until the first, and may hold it until the second.
     held: (u64, u64),
     frozen: Certainty,
-    /// The last instants, ns, at which the DPR certainly detected a restart of HORUS, and at which it may have.
+    /// Two instants, ns: the last at which the DPR certainly detected a restart of HORUS, and the last at which it may
+    /// have detected one.
     restarted: [Option<u64>; 2],
     implausible: Certainty,
 }

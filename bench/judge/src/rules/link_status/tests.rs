@@ -108,7 +108,7 @@ fn each_counter_that_is_off_by_one_is_a_violation() {
 #[test]
 fn counters_that_go_on_wrongly_together_are_wrong() {
     for n in RECEIVERS {
-        // Link-Status counts a damaged object as accepted, or a received frame as missed.
+        // In these runs Link-Status counts a damaged object as accepted, or a received frame as missed.
         let run = Run::new(n).hit(20, 0, Air::Hit(vec![1]));
         let change = |values: &mut LinkValues| {
             values.objects_accepted += 1;

@@ -1,7 +1,7 @@
 //! Compares Port-Status, and the uplinks that are read back, with what the flight controller has written.
 //!
-//! The judge determines the state of a correct DPR after each transaction (`model`), or several possible states. The
-//! first image published after a transaction may show the transaction's effect, and the second must.
+//! After each transaction the judge determines which states a correct DPR can have (`model`). The first image published
+//! after a transaction may show the transaction's effect, and the second must.
 //!
 //! # What is not required
 //!
@@ -60,7 +60,7 @@ pub struct PortRule {
     /// known.
     entries: VecDeque<Entry>,
     fresh: VecDeque<u64>,
-    /// The instant, ns, at which the last transaction ended that may have changed a counter of Port-Status.
+    /// The end, ns, of the last transaction that may have changed a counter of Port-Status.
     written: u64,
     /// The values of Port-Status when it was last read, and the number of transactions since that reading.
     known: (PortValues, u32),
@@ -187,8 +187,8 @@ impl PortRule {
             findings.add(Violation::PortStatusWrong, selected, || "a self-test failed, and nothing is damaged".into());
         }
         if self.entries.is_empty() {
-            // Without a pending object, Port-Status must show the effect of all written objects. An image that only
-            // replaces an unsound one need not.
+            // If no written object is pending, Port-Status must show the effect of all written objects. An image that
+            // only replaces an unsound one need not show it.
             let shows = previous.is_some_and(|previous| self.written < previous);
             if shows && !disturbances.excuse(Excuse::UnsoundImage, selected) {
                 let (before, transactions) = self.known;
@@ -232,8 +232,8 @@ impl PortRule {
         }
     }
 
-    /// Judges the number of access violations in Link-Status. Both it and the counts in Port-Status must grow by the
-    /// same number, unless a command clears the counts.
+    /// Judges the number of access violations in Link-Status. This number and the counts in Port-Status must grow
+    /// equally, unless a command clears the counts.
     fn counted(&mut self, link: u16, values: &PortValues, selected: u64, findings: &mut Findings) {
         let now = (u32::from(link), values.violations.total(), values.last_command_timestamp);
         let Some(before) = &mut self.counted else { return };
@@ -337,8 +337,8 @@ fn is_intact(writer: usize, read: &[u8]) -> bool {
     }
 }
 
-/// Returns whether Port-Status may state this status bit and age (ms) of an uplink, whose bytes are compared if they
-/// were `read`.
+/// Returns whether Port-Status may state this status bit and age (ms) of an uplink. If the uplink was `read`, its bytes
+/// are compared too.
 fn shows(place: &Place, (fresh, age_ms): (bool, u16), read: Option<&[u8]>, published: u64) -> bool {
     let (stored, at) = match place {
         Place::Unknown => return true,

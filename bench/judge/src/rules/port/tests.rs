@@ -288,8 +288,8 @@ fn after_misconduct_counters_are_bounded_by_the_transactions() {
         insert(&mut log, 120 * MS, injected(MISUSE, 200 * MS));
         broken(&log)
     };
-    // At most 29 transactions fit between the excuse and the first accepted Port-Status. Those for two images may be
-    // counted late.
+    // At most 29 transactions fit between the end of the excuse and the first accepted Port-Status. The transactions
+    // before, as many as the budget of two images allows, may be counted late.
     const MOST: u16 = 29 + 2 * bounds::SSI_BUDGET as u16;
     let wrong = [(Violation::PortStatusWrong, 1)];
     assert_eq!(after(&|values| values.violations.count(TooMany, 2 * MOST)), []);
@@ -299,7 +299,7 @@ fn after_misconduct_counters_are_bounded_by_the_transactions() {
     assert_eq!(after(&|values| values.uplinks_accepted = u32::from(MOST)), []);
     assert_eq!(after(&|values| values.uplinks_accepted = u32::from(MOST) + 1), wrong);
     assert_eq!(after(&|values| values.commands_carried_out = u32::from(MOST) + 1), wrong);
-    // Port-Status names a last command but counts no command.
+    // In this log Port-Status names a last command but counts no command.
     assert_eq!(after(&|values| values.last_command_timestamp = 7), wrong);
 }
 
@@ -500,7 +500,7 @@ fn a_write_as_fresh_rises_shows_two_images_later() {
     assert_eq!(broken(&ends_as_fresh_rises(110 * MS)), []);
     assert_eq!(broken(&ends_as_fresh_rises(120 * MS)), []);
     assert_eq!(broken(&ends_as_fresh_rises(130 * MS))[0].0, Violation::PortStatusWrong);
-    // The judge accepts Port-Status as its reference only from the second image after a write on.
+    // After a write, the judge accepts Port-Status as its reference only from the second image on.
     let over = ends(AT) - MS / 4;
     let mut log = ends_as_fresh_rises(120 * MS);
     insert(&mut log, 20 * MS, injected(MISUSE, over - bounds::MISUSE_OVER));

@@ -20,8 +20,8 @@
 //! `NotShown` means that no transaction shows a cycle that must be shown. `Vacant` means that an object is missing
 //! although other objects of its cycle are shown.
 //!
-//! Neither `NotShown` nor `Vacant` is reported for an object whose bytes are reported as a violation of the table or,
-//! by rule `ssi`, as damage. Rule `ssi` also judges whether a transaction may read 0xFF throughout.
+//! If an object's bytes are reported as a violation of the table or, by rule `ssi`, as damage, neither `NotShown` nor
+//! `Vacant` is reported for the object. Rule `ssi` also judges whether a transaction may read 0xFF throughout.
 //!
 //! # A DPR that hangs
 //!
@@ -35,7 +35,8 @@
 //!   deadline, or after 25 ms.
 //! - A transaction longer than a second is not judged, because the frames that it may have read are no longer kept.
 //! - While [`Excuse::Hearing`] holds, a cycle that reached the antenna may be shown but need not be. When an
-//!   [`Excuse::Withdrawal`] begins, a cycle that no transaction has had to show yet need not be shown.
+//!   [`Excuse::Withdrawal`] begins, a cycle need not be shown any more, unless a transaction has already failed to show
+//!   it.
 
 mod recovery;
 #[cfg(test)]
@@ -68,9 +69,9 @@ struct Due {
     from: u64,
     /// The instant, ns, until which each transaction has to show the cycle.
     until: u64,
-    /// The instant, ns, at which the first transaction began that had to show the cycle but did not.
+    /// The beginning, ns, of the first transaction that had to show the cycle but did not.
     asked: Option<u64>,
-    /// Whether a transaction showed the cycle, or had another violation in place of it.
+    /// Whether a transaction showed the cycle, or another violation was reported in its place.
     answered: bool,
 }
 

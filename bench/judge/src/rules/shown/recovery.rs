@@ -29,12 +29,12 @@ struct Causes {
     due: u64,
     /// Whether a front end must be brought up again after one of the disturbances.
     bring_up: bool,
-    /// The number of violations that explain a late recovery, at the beginning of the first disturbance.
+    /// The number of violations that can explain a late recovery, counted at the beginning of the first disturbance.
     told: u64,
 }
 
-/// The longest recoveries, in cycles of 10 ms, rounded up: from a disturbance's end until an object that HORUS sent
-/// after it was read.
+/// The longest recoveries, in cycles of 10 ms, rounded up. A recovery lasts from a disturbance's end until an object
+/// that HORUS sent after that end was read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Longest {
     pub(super) all: Option<u64>,
@@ -46,7 +46,7 @@ pub(super) struct Longest {
 pub(super) struct Recovery {
     /// The disturbances from which the link has not recovered.
     causes: Option<Causes>,
-    /// Whether the late end of the present recovery has been reported.
+    /// Whether the present recovery was already reported as late.
     late: bool,
     /// Whether HORUS has no supply, and whether the DPR has none.
     off: [bool; 2],

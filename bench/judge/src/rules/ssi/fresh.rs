@@ -5,8 +5,8 @@
 //! After a rise of FRESH, a transaction reads the new image, or 0xFF throughout while the DPR is putting the image in.
 //! It never reads an older image (docs/design.md#publication, `dpr_fw::publish`). There are two cases:
 //!
-//! - Without a transaction under way, FRESH rises before the processor gives the SSI's buffers back, so that no image
-//!   is readable before FRESH has announced it.
+//! - Without a transaction under way, FRESH rises before the processor gives the SSI's buffers back. So no image is
+//!   readable before FRESH has announced it.
 //! - With a transaction under way, FRESH rises at once, although this transaction still reads the previous image.
 //!
 //! At a rise of FRESH the log may not yet have the bytes of the announced image. The judge takes them from what could
@@ -28,7 +28,7 @@ use crate::{Findings, Violation};
 /// The number of rises of FRESH that are kept: more than usually come within one transaction.
 const REMEMBERED: usize = 64;
 
-/// The features of an image by which the judge tells it from others.
+/// The features by which the judge tells an image from other images.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Mark {
     link: Option<LinkValues>,
@@ -43,9 +43,9 @@ impl Mark {
         (mark != Self { link: None, stamp: None }).then_some(mark)
     }
 
-    /// Returns whether this image was made after the image `before`, by its time, its counters and the age of its
-    /// sample. The order of two images with different status is uncertain, because they may follow each other within a
-    /// millisecond.
+    /// Returns whether this image was made after the image `before`, which follows from the times, the counters and the
+    /// ages of the samples. The order of two images with different status is uncertain, because they may follow each
+    /// other within a millisecond.
     fn is_newer_than(&self, before: &Self) -> bool {
         let Some((now, then)) = self.link.zip(before.link) else { return self.stamp != before.stamp };
         let counters = |link: LinkValues| {

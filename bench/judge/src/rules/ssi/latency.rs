@@ -26,8 +26,8 @@ struct Cycle {
     last_bit: Option<u64>,
     /// Whether the DPR may have missed the cycle's last frame.
     may_be_missed: bool,
-    /// The time, ns, in which the cycle must be readable after its last bit, if it is longer than usual; `None`
-    /// otherwise.
+    /// The longest time, ns, from the cycle's last bit until the cycle must be readable; `None` if the usual limit
+    /// applies.
     ///
     /// The DPR needs longer if a damaged LEN keeps it from reading the frame early. It also needs longer if it missed
     /// the second frame and waits for it.

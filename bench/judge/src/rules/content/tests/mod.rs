@@ -105,7 +105,7 @@ const APART: u32 = 200;
 const INPUTS_KNOWN: u64 = 4;
 /// The instant, ns, of the first burst; a burst follows every 100 ms.
 const FIRST_BURST: u64 = 45 * MS;
-/// The number of a tick in the middle of the run, by which HORUS knows each receiver's period.
+/// The number of a tick in the middle of the run. By this tick HORUS knows each receiver's period.
 const STEADY: u64 = 51;
 
 impl Scene {

@@ -134,7 +134,7 @@ fn a_receiver_that_strays_has_no_vote() {
 fn a_receiver_is_not_excluded_without_a_cause() {
     let scene = Scene::new(3);
     assert_eq!(excluded(&scene, 0..0), []);
-    // HORUS excludes a receiver without a cause, and readmits it before a second has passed.
+    // In this run HORUS excludes a receiver without a cause, and readmits it before a second has passed.
     assert_eq!(excluded(&scene, STEADY..STEADY + 10), [(Violation::ExclusionWrong, 2)]);
     assert_eq!(excluded(&scene, STEADY..121), EXCLUSION);
     let mut scene = Scene::new(3);
@@ -767,7 +767,7 @@ fn horus_is_starting_until_its_first_result() {
     assert_eq!(scene.said(unchanged), []);
     assert_eq!(scene.said(monitoring), REPORTED);
     assert_eq!(scene.said(lost), REPORTED, "there was none");
-    // A cycle without a frame hides from the judge whether the vote had a result in it.
+    // If a cycle has no frame, the judge does not learn whether the vote of that cycle had a result.
     let mut events = scene.events(lost);
     let unseen = tick(STEADY - 5);
     events.without(

@@ -5,7 +5,8 @@
 //! agree.
 //!
 //! HORUS must hold a jump back until the vote has had a result for one second without a further jump, and must show it
-//! after that. Close to these limits, and where the log does not determine them, the judge accepts both.
+//! after that. Close to these limits the judge accepts both. It also accepts both where the log does not determine the
+//! limits.
 
 use gnss_sim::{Geodetic, TangentPlane};
 
@@ -23,7 +24,7 @@ pub(super) trait Mark: Clone {
     /// Returns the greatest accuracy, m, of a receiver in this vote, with the addition for the age of its position.
     fn accuracy(&self) -> Range;
 
-    /// Returns a place or altitude whose ranges cover both.
+    /// Returns a place or altitude whose range covers this one and `other`.
     fn or(self, other: Self) -> Self;
 
     /// Returns whether `next`, voted `ns` later, is so near that it is no jump.
@@ -138,9 +139,9 @@ pub(super) struct Course<T> {
     last: Last<T>,
     /// The results of the vote at the last two ticks; `None` if not known.
     before: [Option<T>; 2],
-    /// The last tick, ns, at which the time for which HORUS holds a jump back certainly began anew.
+    /// HORUS holds a jump back for a certain time. The last tick, ns, at which this time certainly began anew.
     broke: u64,
-    /// The last tick, ns, at which the time for which HORUS holds a jump back may have begun anew.
+    /// The last tick, ns, at which the time of holding a jump back may have begun anew.
     may_have_broken: u64,
 }
 
@@ -149,7 +150,8 @@ impl<T: Mark> Course<T> {
         Self { last: Last::Nothing, before: [None, None], broke: 0, may_have_broken: 0 }
     }
 
-    /// Records that neither the place or altitude shown last nor the results since then are known.
+    /// Records that the place or altitude shown last is not known, and that the results since then are not known
+    /// either.
     pub(super) fn lose(&mut self) {
         self.last = Last::Unknown;
         self.before = [None, None];

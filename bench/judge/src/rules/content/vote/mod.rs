@@ -11,8 +11,8 @@
 //! Position, velocity and accuracy come from the messages, and their ages are known within the limits of `track::Age`.
 //! For each two receivers the judge determines whether they agree, disagree, or may do either ([`places`]).
 //!
-//! The members of a result are the eligible receivers from which HORUS voted it. HORUS states only their number, so the
-//! judge tries every set of that size, and reports a violation only if none fits.
+//! HORUS votes a result from some of the eligible receivers, its members. HORUS states only how many members there are.
+//! So the judge tries every set of that size, and reports a violation only if none fits.
 //!
 //! | violation | when |
 //! |---|---|
@@ -28,16 +28,16 @@
 //! - The vote has no result.
 //! - The receiver agrees with a member of the result.
 //!
-//! A receiver must not stay excluded if it has agreed with all members of the result for more than 1.1 s. It must stay
-//! excluded until it has agreed for a second. It must become excluded if it agrees with no member. If a quorum of the
-//! members has an altitude, a receiver with an altitude must agree with one of them.
+//! An excluded receiver must stay excluded until it has agreed with all members of the result for a second. It must
+//! return when it has agreed for more than 1.1 s. A receiver that agrees with no member must become excluded. If a
+//! quorum of the members has an altitude, a receiver with an altitude must agree with one of these members.
 //!
 //! After a restart of HORUS that leaves RAM as it was, an excluded receiver must stay excluded, unless it could be
 //! readmitted before the restart. A receiver that agreed with all others may be excluded only after a new message of
 //! its own, or new messages of a quorum.
 //!
-//! An altitude, an attitude and an acceleration are each voted from receivers that state one. They must be at least M,
-//! the quorum, and must all agree.
+//! Altitude, attitude and acceleration are each voted from the receivers that state one. At least M (the quorum)
+//! receivers must state it, and all of them must agree.
 //!
 //! At most one violation is reported for a cycle. M, the quorum, is 1, 1, 2, 3 for 1, 2, 3, 5 receivers.
 //!
@@ -119,7 +119,7 @@ pub(super) enum Ram {
     Kept,
     /// RAM may have kept its content: the supply was off, and the log does not say how low the voltage went.
     MayBeKept,
-    /// RAM lost its content, or the start is a power-on, after which HORUS must not use the content.
+    /// RAM lost its content. A power-on counts as such a loss, because HORUS must not use the content after it.
     Lost,
 }
 
@@ -259,8 +259,9 @@ impl Vote {
     /// Resets the state at a start of HORUS after `ticks` ticks. `ram` says whether HORUS may still know which
     /// receivers were excluded.
     ///
-    /// HORUS may have voted up to three times without sending the result. A receiver that agreed with all others
-    /// becomes excluded in these votes only if messages of that receiver, or of a quorum, are among those `heard`.
+    /// Before the restart HORUS may have voted up to three times without sending the result. A receiver that agreed
+    /// with all others becomes excluded in these votes only if messages of that receiver, or of a quorum, are among
+    /// those `heard`.
     pub(super) fn restart(&mut self, ram: Ram, ticks: u64, heard: Set) {
         let all = (0..self.receivers).fold(0, |set, receiver| set | bit(receiver));
         let restarted = match self.restarted {
@@ -301,7 +302,8 @@ impl Vote {
         self.last.0 + 1 == number
     }
 
-    /// Judges Reported-Position in cycle `number` since HORUS's start, whose GPS objects are right.
+    /// Judges Reported-Position in cycle `number`, counted from HORUS's start. The caller has found that the GPS
+    /// objects of this cycle are right.
     pub(super) fn cycle(
         &mut self,
         tick: u64,
@@ -406,8 +408,8 @@ impl Vote {
         })
     }
 
-    /// Returns, in words, why the result is wrong, or why there should be one. Adds every set of receivers that may
-    /// have voted it to `members`.
+    /// Returns, in words, why the stated result is wrong, or why HORUS should have stated a result. Adds to `members`
+    /// every set of receivers from which HORUS may have voted the result.
     fn vote(
         &self,
         tick: u64,

@@ -250,7 +250,8 @@ fn age(held: &Held, reference: i64, middle: Option<Range>) -> Range {
     if off.least > spread || off.most < -spread {
         return as_usual;
     }
-    // An error of the instant of arrival has no effect, because a longer delay means a shorter time to the tick.
+    // An error in the instant of arrival has no effect: if the delay seems longer, the time from the arrival to the
+    // tick seems shorter by as much.
     let epoch = since_epoch(held, reference);
     let by_epoch = Range { least: epoch - middle.most, most: epoch - middle.least }.moved(usual);
     let by_epoch = Range { least: by_epoch.least.max(widest.least), most: by_epoch.most.min(widest.most) };

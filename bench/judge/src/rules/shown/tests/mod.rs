@@ -217,7 +217,7 @@ fn an_object_that_horus_never_sent_is_shown_as_valid() {
             assert_ne!(forged, run.profile(20)[run.layout().in_profile(index).unwrap()]);
             let verdict = run.verdict(forge);
             assert_eq!(kinds(&verdict), [Violation::ShownNeverSent], "{n} receivers, object {index}");
-            // Five transactions read the object in the cycle, and each counts.
+            // Five transactions read the forged object, and each of them counts.
             assert_eq!(verdict.figures.faults.invalid_shown_valid, 5);
         }
     }
