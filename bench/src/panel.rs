@@ -247,7 +247,7 @@ impl Panel {
     pub fn faults(&mut self, now: u64) -> Faults {
         let (at, last) = ((now + AHEAD_NS).max(FIRST_AT), self.last_ns());
         let mut faults = Faults::none();
-        // Restarts of a board come before its hangs, which they may delay.
+        // Restarts of a board are handled before its hangs, because a restart may delay a hang.
         let mut asked = std::mem::take(&mut self.asked);
         asked.sort_by_key(|(thing, _)| matches!(thing, Thing::Hang(_)));
         for (thing, ns) in asked {

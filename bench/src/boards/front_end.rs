@@ -217,7 +217,7 @@ fn note(crossings: &mut Option<Vec<(u64, Crossing)>>, at: u64, crossing: Crossin
     }
 }
 
-/// Records the edges of the chip's interrupt output, which may lie slightly in the past.
+/// Records the edges of the chip's interrupt output. An edge may lie slightly in the past.
 fn note_irq(chip: &mut Chip, crossings: &mut Option<Vec<(u64, Crossing)>>) {
     if chip.has_irq_edges() {
         for edge in chip.take_irq_edges() {

@@ -13,7 +13,8 @@ use crate::sim::Bench;
 /// The length of a cycle of HORUS, virtual ns.
 pub const CYCLE: u64 = 10_000_000;
 
-/// The number of trials whose faults begin at the same instant, so that the bench reaches it only once.
+/// The number of trials whose faults begin at one instant. The bench reaches that instant once, and is copied for each
+/// of these trials.
 const PER_INSTANT: u64 = 16;
 
 /// The time for which a copy of the bench runs after an upset, ns. A watchdog resets its board within 200 ms, and the

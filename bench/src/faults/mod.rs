@@ -108,7 +108,8 @@ pub enum Fault {
     /// task's index in [`tasks_of`]. A task that is a step of its board's cycle ([`is_step`]) makes the board stop; any
     /// other finds no work. A board that has not enabled its interrupts, hangs or has no supply is not affected.
     Spurious(Board, u8),
-    /// A drift of the external oscillators of a board's microcontroller, parts per billion above what they had before.
+    /// A drift of the external oscillators of a board's microcontroller: the parts per billion that are added to the
+    /// oscillators' earlier error.
     Drift(Board, i64),
     /// An upset of a bit of a board.
     Upset(Board, Upset),

@@ -32,8 +32,8 @@ pub const LENGTH: (u64, u64) = (20_000_000, 400_000_000);
 /// The duration, ns, of a fault of the hold. The hold exchanges frames once every 100 ms.
 pub const HOLD_LENGTH: (u64, u64) = (200_000_000, 2_000_000_000);
 
-/// The time from one fault of the hold to the next, ns, in every fourth gap. In this time the hold recovers and the
-/// judge requires all of its functions.
+/// The shortest and the longest time, ns, of every fourth gap between two faults of the hold. In this gap the hold
+/// recovers, and the judge requires all of its functions.
 pub const HOLD_GAP: (u64, u64) = (3_500_000_000, 5_500_000_000);
 
 /// The time from one episode of a hostile sender to the next, ns. It is longer than a frame, so that their frames do
@@ -47,7 +47,8 @@ pub const DRIFT_LENGTH: (u64, u64) = (1_000_000_000, 3_000_000_000);
 /// back for a time within this range.
 pub const JUMP_LENGTH: (u64, u64) = (20_000_000, 2_500_000_000);
 
-/// The longest time between the failures of the two boards, ns, where both lose their supply, restart or hang together.
+/// The longest time, ns, between the failures of two boards that both lose their supply, restart or hang in one
+/// episode.
 pub const BETWEEN_BOARDS: u64 = 20_000_000;
 
 /// The time reserved for a hang and the board's restart, ns. HORUS has the slowest watchdog, with 190 ms.
@@ -608,8 +609,8 @@ mod tests {
         }
     }
 
-    /// Returns how many per cent of ten drawn minutes the judge requires that the hold sends, that the DPR shows and
-    /// answers, and that Hold-Status agrees with the payload.
+    /// Returns for how many per cent of ten drawn minutes the judge requires each of three things: that the hold sends,
+    /// that the DPR shows and answers, and that Hold-Status agrees with the payload.
     fn judged(kinds: &[Kind], seed: u64) -> [u64; 3] {
         const STEP: u64 = 10_000_000;
         let (mut calm, mut judged) = (Calm::default(), [0; 3]);
@@ -630,7 +631,7 @@ mod tests {
     #[test]
     fn the_duties_of_the_hold_are_judged_in_a_drawn_run() {
         for seed in 1..4 {
-            // Without these two kinds there is time in which the hold and the DPR are undisturbed.
+            // These two kinds are left out, so that there is time in which the hold and the DPR are undisturbed.
             let most: Vec<Kind> =
                 Kind::ALL.into_iter().filter(|kind| !matches!(kind, Kind::Hostile | Kind::Spi)).collect();
             let (alone, all) = (judged(&[Kind::Hold], seed), judged(&most, seed));
@@ -763,7 +764,7 @@ mod tests {
         }
         assert!(left(PowerFault::FrontEndOff, hang(900, Board::Dpr)));
         assert!(left(PowerFault::CrystalDead, hang(900, Board::Dpr)));
-        // The last of several starts of a board counts.
+        // The last start of the board before a hang decides whether that hang stays.
         let mut faults = Faults::none();
         for at in [100, 2 * WATCHDOG_STARTS, 9 * WATCHDOG_STARTS] {
             faults.add(Episode { at, until: at, fault: Fault::Power(Board::Dpr, PowerFault::Pin) });

@@ -89,7 +89,7 @@ pub fn shape(seed: u64) -> Vec<(u64, u32)> {
         for step in 1..=steps {
             let part = i64::from(step) * (i64::from(to) - i64::from(volts)) / i64::from(steps);
             let reached = (i64::from(volts) + part) as u32;
-            // The only step comes at the beginning of the time.
+            // If the voltage changes in one step, that step comes at the beginning of the time.
             let after = if steps == 1 { 0 } else { takes * u64::from(step) / u64::from(steps) };
             shape.push((at + after, reached));
         }

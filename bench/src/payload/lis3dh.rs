@@ -263,7 +263,7 @@ impl Lis3dh {
         self.value(CTRL_REG5) & 0x40 != 0 && self.value(FIFO_CTRL_REG) >> 6 != 0
     }
 
-    /// Returns the number of the oldest sample in the FIFO, and the number after that of the newest one.
+    /// Returns the number of the oldest sample in the FIFO, and the number that follows the newest sample's.
     fn fifo(&self, at: u64) -> (u64, u64) {
         let (oldest, end) = (self.fifo_from + self.taken, self.samples(at));
         if self.value(FIFO_CTRL_REG) >> 6 == 1 {

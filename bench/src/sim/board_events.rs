@@ -131,8 +131,8 @@ impl BoardEvents {
                 }
                 if let Fault::Spurious(_, task) = episode.fault {
                     match interrupt_of(self.side, task) {
-                        // The interrupt is raised only if the task begins at once, because a later call of the task
-                        // would hide it.
+                        // The interrupt is raised only if the task then begins at once. Otherwise a later call of the
+                        // task could hide this additional run.
                         Some(line)
                             if node.is_ready_for_interrupts() && !node.is_hung() && node.raise_interrupt(line) =>
                         {

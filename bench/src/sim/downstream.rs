@@ -379,7 +379,7 @@ impl<C: Cost> Link<C> {
         }
         seen.extend(node.resets()[self.restarts..].iter().map(|reset| (reset.at, Seen::Restart)));
         self.restarts = node.resets().len();
-        // If both events have the same instant, the rise of FRESH is recorded first.
+        // If FRESH rises at the instant of an event of the SPIS, the rise is recorded first.
         seen.extend(spis.into_iter().map(|(cycle, _, event)| (node.ns(cycle), Seen::Spis(event))));
         seen.sort_by_key(|(at, _)| *at);
         for (at, what) in seen {

@@ -56,8 +56,8 @@ use upstream::Receivers;
 /// The interval at which the caller receives the run's progress and the log lines, virtual ns.
 const STEP: u64 = 10_000_000;
 
-/// The shortest time, ns, from the end of a piece of the run to a fault that is then added. A board may exceed that end
-/// by its last instruction.
+/// The shortest time, ns, from the end of a piece of the run to the beginning of a fault that is added there. The last
+/// instruction of a board may exceed the end of the piece.
 pub const AHEAD_NS: u64 = 100_000;
 
 /// The two firmwares' ELF files.

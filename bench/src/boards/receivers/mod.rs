@@ -103,7 +103,7 @@ pub struct SentByte {
     pub at: u64,
     /// The receiver's index, from 0.
     pub receiver: usize,
-    /// The byte; `None` if the receiver cannot read it, which breaks the message that it belongs to.
+    /// The byte; `None` if the receiver cannot read it. The message of an unreadable byte is broken.
     pub byte: Option<u8>,
 }
 
@@ -121,8 +121,8 @@ pub struct Receivers {
     attended: bool,
     heard: Vec<SentByte>,
     read: Vec<ReadBytes>,
-    /// The first misuse of each kind of a receiver by the microcontroller, against the data sheet, with its instant,
-    /// ns.
+    /// The first misuse of each kind, by which the microcontroller violated a receiver's data sheet: its instant, ns,
+    /// and its description.
     misuses: Vec<(u64, String)>,
     told: Vec<(usize, &'static str)>,
     next: u64,
@@ -232,8 +232,8 @@ impl Receivers {
         std::mem::take(&mut self.read)
     }
 
-    /// The instant, ns, at which the oldest bus transaction began that [`Receivers::take_read`] has yet to return;
-    /// `u64::MAX` for none.
+    /// The instant, ns, at which the oldest bus transaction began among those that [`Receivers::take_read`] has yet to
+    /// return; `u64::MAX` for none.
     #[must_use]
     pub fn untold_since(&self) -> u64 {
         let of = |interface: &Interface| match interface {

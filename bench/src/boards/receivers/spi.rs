@@ -23,7 +23,8 @@ use crate::faults::{BusFault, Rng};
 const SHORTEST_BIT_PS: u64 = 181_818;
 /// The duration of a byte at 125 kB/s, ns.
 pub const SHORTEST_BYTE: u64 = 8_000;
-/// The factory default of CFG-SPI-MAXFF: after so many successive 0xFF bytes the receiver ignores its input.
+/// The factory default of CFG-SPI-MAXFF: the number of successive 0xFF bytes after which the receiver ignores its
+/// input.
 const MOST_FILLER: u32 = 50;
 
 const WRONG_MODE: &str = "SPI: not mode 0, or not whole bytes (ZED-F9R data sheet 5.2)";

@@ -382,8 +382,8 @@ pub fn rewrite<B: Board, C: Cost>(
             skip = Some(stubs.hole());
             site - 2
         } else if narrow && (targets.contains(&(site + 2)) || !can_move(node, site + 2)) {
-            // An instruction after the store that is a branch target or cannot be moved stays, and the one before the
-            // store is moved.
+            // A branch takes four bytes, and this store has two. If the next instruction is a branch target or cannot
+            // be moved, the branch replaces the previous one instead.
             recording.before[&site]
         } else {
             site

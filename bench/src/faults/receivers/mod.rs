@@ -98,7 +98,7 @@ pub enum ReceiverFault {
         /// The error of the forward acceleration, cm/s².
         cm_s2: i32,
     },
-    /// The receiver states the accuracy [`UNDERSTATED_MM`], although its error is larger.
+    /// The receiver states the accuracy [`UNDERSTATED_MM`], although the error of its position is larger.
     Understates,
     /// A field of the receiver's NAV-PVT messages has an impossible value.
     Absurd(Absurd),
@@ -282,7 +282,7 @@ struct Active {
 
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Line {
-    /// The present faults. The last one has an effect.
+    /// The present faults. Only the last of them has an effect.
     faults: Vec<Active>,
     last_itow: Option<u32>,
     /// The position in the receiver's last burst without a fault: longitude, latitude and height, in the units of

@@ -82,7 +82,7 @@ pub struct FlightController {
     client: Client,
     /// The reader of the hold's object; `None` without a hold.
     hold: Option<HoldUser>,
-    /// The windows that are requested in the next transactions without another request.
+    /// The windows of the image to request, each in the next transaction that has no other request.
     requests: VecDeque<Request>,
     asked: Option<Request>,
     last: Option<Reading>,
@@ -139,8 +139,9 @@ impl FlightController {
         controller
     }
 
-    /// Requests a window of the image in the next transaction without another request; the following transaction reads
-    /// it. While the DPR is busy the request is repeated. Without a request a transaction reads the whole image.
+    /// Requests a window of the image, in the next transaction that has no other request. The transaction after that
+    /// one reads the window. While the DPR is busy the request is repeated. Without a request a transaction reads the
+    /// whole image.
     ///
     /// # Panics
     ///
