@@ -88,8 +88,8 @@ pub fn export<R: Read, W: Write>(
     Ok(written)
 }
 
-/// Judges a record again, and returns those objects that were judged when it was recorded. The result is empty if the
-/// signature was refused then.
+/// Judges a record again, and returns the objects that were judged when the record was made. The result is empty if the
+/// record's signature was refused then.
 pub fn judge(intake: &mut Intake, record: &Record) -> Vec<Judged> {
     intake.take_if(&record.carried, |who, place| {
         let who = who.to_string();

@@ -107,8 +107,8 @@ impl Scene {
         Self::with_key(clock, None)
     }
 
-    /// Starts a station with this clock. With a key, the station accepts only messages signed with the key, and sends
-    /// what the function enables.
+    /// Starts a station with this clock. With a key, the station accepts only messages that are signed with the key.
+    /// The function beside the key enables what the station may send.
     fn with_key(clock: impl FnOnce(Arc<AtomicU64>) -> Clock, key: Option<(Key, Enable)>) -> Self {
         let passed_us = Arc::new(AtomicU64::new(0));
         let clock = clock(Arc::clone(&passed_us));

@@ -5,12 +5,12 @@
 //! wrong order, the objects of the older one have no effect, except those that the newer one lacks.
 //!
 //! **A HORUS that has restarted** counts from 0 again, so its objects are older than the displayed ones. They are
-//! accepted after three cycles in a row that each advance, once the displayed sender is quiet. None of these cycles may
-//! be older than the time for which nothing newer came: a HORUS from which data came two seconds ago cannot have been
-//! running for an hour since its restart. The displayed data are then dropped. A single repeated, delayed, reordered or
-//! inserted message is never taken for a restart. Three delayed messages in a row may be, in HORUS's first
-//! [`RESTART_SLACK_US`](order::RESTART_SLACK_US); the next newer message corrects this. Other messages belong to
-//! another sender ([`order`], [`fleet`](crate::fleet)).
+//! accepted after three cycles in a row that each advance, once the displayed sender is quiet. By these timestamps,
+//! HORUS must not have been running for longer than nothing newer has come: a HORUS from which data came two seconds
+//! ago cannot have been running for an hour since its restart. Then the displayed data are dropped. A single repeated,
+//! delayed, reordered or inserted message is never taken for a restart. Three delayed messages in a row may be taken
+//! for one in HORUS's first [`RESTART_SLACK_US`](order::RESTART_SLACK_US); the next newer message corrects this. Other
+//! messages belong to another sender ([`order`], [`fleet`](crate::fleet)).
 //!
 //! The data of a restarted HORUS may arrive only after it has run for longer than before. Its timestamps then continue
 //! the earlier ones, and only a changed reason of HORUS's last reset reveals the restart.
@@ -61,8 +61,8 @@ pub const RECENT_US: u64 = 10_000_000;
 /// [`FROZEN_REPEATS`] come, HORUS's timestamp is frozen.
 pub const FROZEN_US: u64 = 300_000;
 
-/// The greatest number of duplicates that is no alarm. Only those of one sample that come later than [`FROZEN_US`]
-/// after its first arrival count.
+/// The greatest number of late duplicates of one sample that causes no alarm. A duplicate is late if it comes more than
+/// [`FROZEN_US`] after the sample's first arrival.
 pub const FROZEN_REPEATS: u32 = 2;
 
 /// The verdict on an object that arrived.
@@ -76,7 +76,8 @@ pub enum Verdict {
     Older,
     /// The object is intact, but is not shown, since its timestamp does not continue the earlier ones.
     OutOfSequence,
-    /// There is no object. Its bytes are 0x00 or 0xFF throughout, because the DPR did not accept one.
+    /// There is no object: the bytes at its place are 0x00 or 0xFF throughout, because the DPR did not accept an
+    /// object.
     Vacant,
     /// The object is not intact, or is of another kind than expected.
     Rejected(Rejection),
@@ -220,8 +221,8 @@ impl Drone {
         }
     }
 
-    /// Judges a message's objects, which arrived at `at_us`, and keeps the accepted ones. Returns the verdicts in their
-    /// order.
+    /// Judges a message's objects, which arrived at `at_us`, and keeps the accepted ones. Returns the verdicts in the
+    /// order of the objects.
     pub fn take_bundle(&mut self, at_us: u64, bundle: &Bundle<'_>) -> Vec<Verdict> {
         self.counts.messages += 1;
         self.stranger = false;
@@ -390,7 +391,7 @@ impl Drone {
                 let held = Held { values, timestamp, arrived_us, late_us, repeats: 0, crc, implausible };
                 self.gps[receiver] = Some(held);
             }
-            // This case cannot occur: a GPS object is found intact only where a message has a GPS object.
+            // Only bytes at the place of a GPS object are judged to be a GPS object, so this case cannot occur.
             (Object::Gps(_), None) => {}
         }
         Verdict::New

@@ -31,11 +31,11 @@ pub const AHEAD_US: u64 = 1_000_000;
 /// The longest time for which a carrier holds a message back while it delivers others, µs.
 pub const LATE_US: u64 = 10_000_000;
 
-/// The time, µs, by which a restarted sender's timestamp may exceed the time since the earlier sender's newest message,
-/// because that message may have been on its way for that long.
+/// The longest time, µs, for which the earlier sender's newest message may have been on its way. A restarted sender may
+/// have started when that message left, so its timestamp may exceed the time since the message's arrival by this much.
 pub const RESTART_SLACK_US: u64 = 500_000;
 
-/// The number of timestamps in a row, each newer than the last, after which a restart or another sender is accepted.
+/// A restart or another sender is accepted after this number of timestamps in a row, each newer than the one before.
 pub const SEARCH_CYCLES: u8 = 3;
 
 /// The time, µs, after a sender's last message before which no other sender can replace it. A sender slower than 4 Hz
@@ -84,8 +84,8 @@ enum Kind {
     },
     Same,
     Older,
-    /// The timestamp does not continue the earlier ones. `back` is false if it is ahead, or if it fits a sender that
-    /// has restarted.
+    /// The timestamp does not continue the earlier ones. `back` is true if the timestamp goes back and does not fit a
+    /// sender that has restarted.
     Strange {
         back: bool,
     },

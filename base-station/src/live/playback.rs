@@ -140,8 +140,8 @@ impl Player {
         self.pace().speed
     }
 
-    /// Returns the number of changes of pace or instant so far. From it a caller knows whether its own change has taken
-    /// effect.
+    /// Returns the number of changes of pace or instant so far. A caller compares it with the number of its own change,
+    /// to learn whether that change has taken effect.
     #[must_use]
     pub fn changes(&self) -> u64 {
         self.pace().changes

@@ -31,7 +31,7 @@ pub const SHOWN_AFTER_US: u64 = 40_000;
 pub struct Counts {
     /// The number of times that an uplink was passed on to be written over the SSI.
     pub written: u64,
-    /// The number of messages with an uplink that the DPR already showed when they came.
+    /// The number of messages whose uplink the DPR already showed when the message came.
     pub repeated: u64,
     /// The number of signed messages for another system, or without an intact uplink of the base station.
     pub foreign: u64,

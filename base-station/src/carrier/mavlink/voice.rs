@@ -19,8 +19,8 @@
 //!
 //! Until [`ANSWERS_US`] after the uplink was first sent, Port-Status may be the answer to an earlier uplink.
 //!
-//! **A command to a hold** begins the payload of uplinks, each with a later timestamp. It excludes uplinks of users,
-//! whose payload the hold could take for a command as well.
+//! **A command to a hold** begins the payload of uplinks, each with a later timestamp. A station that sends commands
+//! sends no uplinks of users, because the hold could take their payload for a command.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;

@@ -190,7 +190,8 @@ fn json(page: &Page, drone: Option<&str>, asked: &str, with: With) -> String {
     let playback = page.player.as_ref().map(|player| {
         let (first_us, last_us) = player.span_us();
         let seconds = |us: u64| us.saturating_sub(first_us) as f64 / 1e6;
-        // The number of changes is read before the instant, so that the state includes every change that it counts.
+        // The number of changes is read before the instant, so every change in that number has already had its effect
+        // on the instant.
         let changes = player.changes();
         let now_us = player.now_us();
         Playback { speed: player.speed(), at_s: seconds(now_us), length_s: seconds(last_us), changes, now_us }
