@@ -147,7 +147,8 @@ impl Track {
     }
 }
 
-/// The earliest instant, µs, at which a sample could have been read, if it continues `last` and was read at `read_us`.
+/// Returns the earliest instant, µs, at which the sample of `timestamp` could have been read. Returns `None` if this
+/// sample, which was read at `read_us`, does not continue `last`.
 fn due_us(last: &Sample, timestamp: u32, read_us: u64) -> Option<u64> {
     let Freshness::Fresh { missed: missed @ 0..=MAX_MISSED } = freshness(Some(last.timestamp), timestamp) else {
         return None;
