@@ -25,7 +25,7 @@ pub(crate) fn summary(outcome: &Outcome, clock: Clock) -> String {
 }
 
 /// Returns a message about the run, if one is needed, and the run's status. `seconds` is the time that the run was
-/// meant to take, or else `limit` is the longest time.
+/// meant to take, if any. Otherwise `limit` is the longest time that the run may take.
 pub(crate) fn verdict(seconds: Option<f64>, limit: f64, outcome: &Outcome) -> (Option<String>, u32) {
     if outcome.exit.is_none() && !outcome.died {
         let restarts = match outcome.resets {

@@ -21,8 +21,8 @@ const PIECE: u64 = 1_000_000;
 /// The longest time, virtual ns, by which a message is passed on ahead of its instant.
 const HEARD_AHEAD: u64 = 1_000_000;
 
-/// The number of pieces that the first board, on its own thread, may be ahead. Neither thread waits for the other's
-/// bursts, and little data is stored.
+/// The number of pieces that the first board, on its own thread, may be ahead. It is large enough that neither thread
+/// waits when the other is slow for a moment, and small enough that little data is stored.
 const LEAD: usize = 50;
 
 /// The surroundings of the first board, from which messages leave.

@@ -147,7 +147,8 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
-    /// Takes over the core's record of active exceptions, before the core's clock changes.
+    /// Moves what the core has recorded about exceptions into the node. This must be done before the core's clock
+    /// changes, because cycles are converted into instants by the present clock.
     pub(super) fn note_tasks(&mut self) {
         let side = &self.side;
         if let Some(schedule) = &mut self.schedule {

@@ -60,7 +60,7 @@ pub(crate) enum Act {
     Convert,
     /// The comparator needs the voltages of its inputs.
     Compare,
-    /// The semaphore of an SPIS changed, or a transaction ended. The record is for the outside.
+    /// The semaphore of an SPIS changed, or a transaction ended. This act only informs the outside of the part.
     Spis {
         id: Id,
         event: SpisEvent,

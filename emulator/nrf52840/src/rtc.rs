@@ -172,7 +172,8 @@ impl Instance for Rtc {
 
     fn configured(&mut self, cx: &mut Cx<'_>) {
         if cx.clocks.lf.is_some() != self.clocked {
-            // The counter goes on from its held value, because LFCLK has stopped, or counts its ticks from zero again.
+            // LFCLK has stopped, or has started and counts its ticks from zero again. The counter goes on from its held
+            // value.
             self.load(self.held, cx);
         }
         self.arm(cx);

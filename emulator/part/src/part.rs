@@ -244,8 +244,8 @@ pub trait Part: Clone + std::fmt::Debug + Send + 'static {
     /// The receiver reacts at its own sample instants.
     fn receive<O: Outside>(&mut self, begins: Cycle, pin: Pin, frame: UartFrame, outside: &mut O);
 
-    /// The `size` bytes of memory at `address` (flash, RAM, option bytes), as a debugger reads them; `None` if one is
-    /// not memory.
+    /// The `size` bytes of memory at `address` (flash, RAM, option bytes), as a debugger reads them; `None` if any of
+    /// these bytes is not memory.
     fn memory(&self, address: u32, size: usize) -> Option<&[u8]>;
 
     /// The `size` bytes of memory at `address`, flash included, which a loader may change. The core then decodes its

@@ -1,9 +1,9 @@
 //! The interface between the part and its peripherals.
 //!
-//! A peripheral instance is a [`Peripheral`]: plain data that the part calls with a [`Cx`], which has the time and the
-//! clocks and takes the instance's effects. Methods return the levels of interrupts and DMA requests, and the part asks
-//! for them after every other call. The outside answers at once (a serial frame's bits, a voltage) through [`Wires`].
-//! Only [`Peripheral::advance`] gets these, since such an answer never comes within a register access.
+//! A peripheral instance is a [`Peripheral`]: plain data that the part calls with a [`Cx`]. The [`Cx`] has the time and
+//! the clocks, and takes the instance's effects. Methods return the levels of interrupts and DMA requests, and the part
+//! asks for them after every other call. Through [`Wires`] the outside answers at once (a serial frame's bits, a
+//! voltage). Only [`Peripheral::advance`] gets the [`Wires`], since no register access needs such an answer.
 //!
 //! Instances are made with the manual's number, such as `Spi::new(n)` and `Usart::new(n)` (UARTs too), or without one,
 //! such as `Rtc::new()` and `Adc::new()` (all three with the common registers, offsets 0 to 0x3FF). A USART also has
@@ -357,7 +357,8 @@ pub(crate) trait Peripheral: Clone {
         0
     }
 
-    /// The cycle at which the instance next acts by itself, or [`NEVER`]. It must be fast.
+    /// The cycle at which the instance next acts by itself, or [`NEVER`]. This function is called often, so it must be
+    /// fast.
     fn due(&self) -> Cycle;
 
     fn advance<W: Wires>(&mut self, cx: &mut Cx, wires: &mut W);

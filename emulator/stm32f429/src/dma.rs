@@ -250,7 +250,7 @@ impl Stream {
             && self.cr & PINC == 0
     }
 
-    /// Whether the next item is neither the last of the transfer nor the one at its half. A stream of
+    /// Whether the next item completes neither the transfer nor the first half of it. A stream of
     /// [`Stream::moves_bytes`] then holds no data if it receives, and one byte if it sends.
     #[inline]
     pub(crate) fn is_amid(&self) -> bool {

@@ -77,8 +77,9 @@ impl<C: Cost> Core<C> {
         self.note_pending();
     }
 
-    /// Takes in the part's signals, and wakes the core. Takes the best pending exception if it preempts. The run loop
-    /// calls this between instructions while `attention` is set. Returns whether an exception was entered.
+    /// Takes in the part's signals, which may wake the core. Takes the pending exception of highest priority if it
+    /// preempts. The run loop calls this between instructions while `attention` is set. Returns whether an exception
+    /// was entered.
     pub(crate) fn look_at_exceptions<B: Bus>(&mut self, bus: &mut B) -> bool {
         self.system_advance();
         self.take_signals(bus);

@@ -65,7 +65,7 @@ impl Soc {
         }
     }
 
-    /// Takes over the interrupt lines and next cycles of the instances that were called since the last time.
+    /// Reads the interrupt line and the next event of each instance that was called since the last look.
     pub(super) fn look_at_touched(&mut self) {
         if self.touched == 0 {
             return;

@@ -2,7 +2,8 @@
 
 use super::*;
 
-/// The sampling instant in quarters of a bit: the middle of the high phase, which is the second half.
+/// The sampling instant in quarters of a bit. SCL is high in the second half of a bit, and the sample is taken in the
+/// middle of that half.
 const SAMPLED: u64 = 3;
 
 impl I2c {

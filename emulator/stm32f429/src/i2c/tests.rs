@@ -318,7 +318,8 @@ fn a_one_pulled_to_zero_loses_arbitration_at_that_bit() {
     address(&mut rig, 0xA0, 0);
     rig.read(SR1);
     rig.read(SR2);
-    // The byte is 0001 0000. Its fourth bit is the first one, and is sampled after three quarters of the bit.
+    // The byte is 0001 0000. Its fourth bit is the first one that is 1, and is sampled after three quarters of the
+    // bit's time.
     rig.write(DR, 0x10);
     let began = rig.now;
     rig.run(began + 200);
