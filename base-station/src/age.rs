@@ -15,9 +15,8 @@
 //! shortest delay.
 //!
 //! **Drift.** Two crystals differ, so the smallest difference rises by [`CRYSTAL_DRIFT`] of the time that passes, or by
-//! [`NO_CRYSTAL_DRIFT`] while HORUS reports that it runs without its crystal. With a clock of HORUS that differs by
-//! more, samples seem to come ever later or ever earlier; that is reported as an [implausible
-//! clock](Ages::is_clock_implausible).
+//! [`NO_CRYSTAL_DRIFT`] while HORUS reports that it runs without its crystal. If HORUS's clock differs by more, samples
+//! seem to come ever later or ever earlier. This is reported as an [implausible clock](Ages::is_clock_implausible).
 
 /// The greatest difference between HORUS's crystal and a computer's, parts per million: 100 for each of them.
 pub const CRYSTAL_DRIFT: i64 = 200;

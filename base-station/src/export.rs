@@ -8,8 +8,8 @@
 //!
 //! The output consists of numbers, times and drones' names, without any character to escape, so no library is needed.
 //!
-//! Heights are above the WGS-84 ellipsoid. KML expects heights above mean sea level, so its track is drawn on the
-//! ground.
+//! Heights are above the WGS-84 ellipsoid. KML expects heights above mean sea level, so the track in KML is drawn on
+//! the ground.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -47,7 +47,7 @@ pub const GAP_US: u64 = 2_000_000;
 /// # Errors
 ///
 /// Returns an error if the recording cannot be read or `to` cannot be written. A recording that is cut off is exported
-/// up to that point ([`Reader::torn`]).
+/// up to the cut ([`Reader::torn`]).
 pub fn export<R: Read, W: Write>(
     reader: &mut Reader<R>,
     form: Form,

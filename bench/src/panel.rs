@@ -1,7 +1,7 @@
 //! The panel, with which a user injects faults into a running flight and sees the boards' logs.
 //!
 //! A run passes the panel's faults to the bench between two steps ([`Observer::faults`](crate::sim::Observer)), and the
-//! event log has them for the judge. Others connect the panel with its user.
+//! event log has them for the judge. Other crates connect the panel with its user.
 //!
 //! **Duration.** A fault lasts for a number of seconds of flight, or until the user ends it. The panel makes a chain of
 //! overlapping episodes of a second, so that the judge knows an end after which the link must recover. Only a

@@ -2,7 +2,7 @@
 //!
 //! **Each object is judged separately.** CRCs and identifier determine whether an object is intact ([`Place::judge`]).
 //! An intact object is shown if it is newer than the displayed object of its kind. So if two messages arrive in the
-//! wrong order, the objects of the older one have no effect, except those that the newer one lacks.
+//! wrong order, objects of the older message have no effect, except those of kinds that the newer message lacks.
 //!
 //! **A HORUS that has restarted** counts from 0 again, so its objects are older than the displayed ones. They are
 //! accepted after three cycles in a row that each advance, once the displayed sender is quiet. By these timestamps,
@@ -12,12 +12,12 @@
 //! for one in HORUS's first [`RESTART_SLACK_US`](order::RESTART_SLACK_US); the next newer message corrects this. Other
 //! messages belong to another sender ([`order`], [`fleet`](crate::fleet)).
 //!
-//! The data of a restarted HORUS may arrive only after it has run for longer than before. Its timestamps then continue
-//! the earlier ones, and only a changed reason of HORUS's last reset reveals the restart.
+//! The data of a restarted HORUS may arrive only when it has been running for longer than it had before the restart.
+//! Its timestamps then continue the earlier ones, and only a changed reason of HORUS's last reset reveals the restart.
 //!
 //! Link-Status and Port-Status have the DPR's clock and are judged in the same way. The base station's uplink has the
 //! clock of the station that sent it, so no timestamps can be compared: the last uplink is always kept, and only its
-//! sender can evaluate it ([`uplink`](Drone::uplink)). It is not a sign of life of the drone.
+//! sender can evaluate it ([`uplink`](Drone::uplink)). An uplink is not a sign of life of the drone.
 //!
 //! **Everything that is kept can be shown.** Impossible values, and values that their status does not mark as valid,
 //! are removed first ([`profile::range`]).
@@ -43,8 +43,8 @@ use crate::{Alarm, Bundle, Change, Intact, Place, Raised};
 use hold::HoldState;
 use order::{Order, Step};
 
-/// The age from which on a position is stale, µs. The page must report this within half a second, and needs the rest of
-/// that time to receive and draw the state.
+/// The age from which on a position is stale, µs. The page must report a stale position at an age of half a second. The
+/// time from this age to half a second is for receiving and drawing the state.
 pub const STALE_US: u64 = 400_000;
 
 /// The age from which on the data of a receiver or of the link are old, µs. It is long because receivers take turns on
@@ -57,8 +57,8 @@ pub const SILENT_US: u64 = 1_000_000;
 /// The time for which a single event causes an alarm, µs.
 pub const RECENT_US: u64 = 10_000_000;
 
-/// The time after a sample's first arrival from which on its duplicates are counted, µs. If more than
-/// [`FROZEN_REPEATS`] come, HORUS's timestamp is frozen.
+/// Duplicates of a sample are counted if they come later than this time after the sample's first arrival, µs. If more
+/// than [`FROZEN_REPEATS`] come, HORUS's timestamp is frozen.
 pub const FROZEN_US: u64 = 300_000;
 
 /// The greatest number of late duplicates of one sample that causes no alarm. A duplicate is late if it comes more than

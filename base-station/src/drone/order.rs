@@ -1,8 +1,8 @@
 //! Determines which timestamps continue the earlier ones on a link that loses, reorders and delays messages.
 //!
 //! The DPR judges each cycle by its own clock, to a quarter of a cycle ([`profile::sequence`]). Behind a radio that is
-//! impossible: a timestamp may skip any number of cycles and come [late](crate::age). It must neither run ahead of time
-//! nor go back.
+//! impossible: a timestamp may skip any number of cycles and come [late](crate::age). But a timestamp must neither run
+//! ahead of time nor go back.
 //!
 //! # Discontinuities
 //!
@@ -16,7 +16,8 @@
 //! | is quiet for [`QUIET_US`] | back by more than [`LATE_US`] | a stranger: perhaps a replayed recording |
 //! | has sent less than [`QUIET_US`] ago, but does not continue | any | not known yet |
 //!
-//! A sender is replaced only in these cases, so messages that arrive among those of the true sender cannot replace it.
+//! A sender is replaced only in the cases of this table. So messages that arrive among those of the true sender cannot
+//! replace it.
 
 use profile::{Freshness, freshness};
 
@@ -38,8 +39,8 @@ pub const RESTART_SLACK_US: u64 = 500_000;
 /// A restart or another sender is accepted after this number of timestamps in a row, each newer than the one before.
 pub const SEARCH_CYCLES: u8 = 3;
 
-/// The time, µs, after a sender's last message before which no other sender can replace it. A sender slower than 4 Hz
-/// is [stale](super::STALE_US) between two messages.
+/// Within this time after a sender's last message, µs, no other sender can replace that sender. A sender slower than 4
+/// Hz is [stale](super::STALE_US) between two messages.
 pub const QUIET_US: u64 = 250_000;
 
 /// The number of simultaneous searches. With more than one, unrelated messages cannot keep a sender from being found.

@@ -44,7 +44,7 @@ impl Recording {
         self.parts.iter().map(|part| Ok(part.metadata()?.len())).sum()
     }
 
-    /// Passes each record to `each` until that returns false; `progress` gets the number of bytes read. Returns the
+    /// Passes each record to `each` until `each` returns false; `progress` gets the number of bytes read. Returns the
     /// parts that are cut off.
     ///
     /// # Errors

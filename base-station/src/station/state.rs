@@ -30,8 +30,8 @@ pub struct Playback {
     pub at_s: f64,
     /// The length of the recording, s.
     pub length_s: f64,
-    /// The number of changes of pace or instant so far. It tells the page which states include the change that it
-    /// requested.
+    /// The number of changes of pace or instant so far. A state with this number includes the changes up to it, also
+    /// those that the page requested.
     pub changes: u64,
     /// The instant, µs since 1970.
     #[serde(skip)]

@@ -197,8 +197,8 @@ impl FrontEnd {
         self.faults.miso(answer)
     }
 
-    /// Takes the instants, ns, at which chip select rose after a transmit command. The chip carries out the command at
-    /// that edge, which the firmware controls.
+    /// Takes the instants, ns, at which chip select rose after a transmit command. The firmware controls this edge, at
+    /// which the chip carries out the command.
     pub fn take_transmits(&mut self) -> Vec<u64> {
         let mut transmits = self.chip.take_transmits();
         transmits.extend(self.emission.take_commands());

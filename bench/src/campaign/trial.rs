@@ -29,8 +29,8 @@ const AFTER_LINE: u64 = 100_000_000;
 /// to start.
 const AFTER_FAULT: u64 = 600_000_000;
 
-/// The longest time, ns, for which a copy of the bench runs on because it has no position at its end. A receiver that
-/// lost its settings sends positions again within this time.
+/// A copy of the bench that has no position at its planned end runs on for at most this time, ns. A receiver that lost
+/// its settings sends positions again within this time.
 const EXTENSION: u64 = 1_500_000_000;
 
 /// The step in which a copy runs on, ns.

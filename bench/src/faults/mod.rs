@@ -27,8 +27,8 @@
 //!
 //! # Where to add a fault
 //!
-//! Most faults are variants of an enumeration in one of the files above (`ReceiverFault`, `PowerFault` and so on). The
-//! fault's effect is in the same file. A line in [`plan`] makes `--faults` draw the fault.
+//! Most faults are variants of an enumeration in one of this folder's files (`ReceiverFault`, `PowerFault` and so on).
+//! The fault's effect is in the same file. A line in [`plan`] makes `--faults` draw the fault.
 //!
 //! A fault of a new kind is a variant of [`Fault`] with its name, its side of the link ([`Fault::is_upstream`]) and its
 //! disturbance ([`Fault::disturbs`]), from which the judge knows what to excuse ([`bench_judge::disturbance`]). Three

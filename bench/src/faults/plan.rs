@@ -16,7 +16,7 @@ use gnss_sim::Port;
 /// No episode begins before this instant, ns, so that both boards start undisturbed.
 pub const FIRST_AT: u64 = 300_000_000;
 
-/// The time, ns, between the end of the last episode and the end of the run, in which the recovery is observed.
+/// The time, ns, between the end of the last episode and the end of the run. In this time the recovery is observed.
 pub const LAST_BEFORE_END: u64 = 600_000_000;
 
 /// The shortest and longest time from one episode's end to the beginning of the next of the same kind, ns.
@@ -36,8 +36,8 @@ pub const HOLD_LENGTH: (u64, u64) = (200_000_000, 2_000_000_000);
 /// recovers, and the judge requires all of its functions.
 pub const HOLD_GAP: (u64, u64) = (3_500_000_000, 5_500_000_000);
 
-/// The time from one episode of a hostile sender to the next, ns. It is longer than a frame, so that their frames do
-/// not overlap.
+/// The time, ns, from one episode of a hostile sender to the next. This time is longer than a frame, so that frames of
+/// two episodes do not overlap.
 pub const HOSTILE_GAP: (u64, u64) = (30_000_000, 60_000_000);
 
 /// The duration of a receiver's drift, ns: at its end the receiver's position is wrong by a few tens of metres.
@@ -246,7 +246,7 @@ impl Faults {
 
 impl Faults {
     /// Returns one drawn fault of `kind`, or several that occur together, for a link with `gps` receivers. The first
-    /// begins at `at` (ns). A kind that is not drawn into runs has none.
+    /// begins at `at` (ns). Returns no fault for a kind that is not drawn into runs.
     #[must_use]
     pub fn one(kind: Kind, gps: usize, rng: &mut Rng, at: u64) -> Self {
         let mut draws = all_of(kind, gps, rng);

@@ -22,8 +22,8 @@ pub enum PowerFault {
     /// The watchdog resets the microcontroller, even if it is fed. RAM and the front end's registers keep their
     /// contents.
     Watchdog,
-    /// The crystal is dead: HORUS's stops at once, the DPR's fails to start. If the board cannot start without its
-    /// crystal, its pin resets it at the episode's end.
+    /// The crystal is dead: HORUS's stops at once, the DPR's fails to start. A board that cannot start without its
+    /// crystal is reset by its pin at the episode's end.
     CrystalDead,
     /// The supply sags and recovers in a [`shape`] that this seed determines.
     Sag(u64),

@@ -230,7 +230,7 @@ impl Wires {
     }
 
     /// Changes the bytes of a transaction that ended at `at` (ns) to those that the flight controller receives. `miso`
-    /// has the bytes that the DPR sent, of which the first is the image's byte at `offset`.
+    /// has the bytes that the DPR sent. The first of them is the image's byte at `offset`.
     pub fn miso(&mut self, at: u64, offset: usize, miso: &mut [u8]) {
         let sent = miso.to_vec();
         for fault in &self.faults {

@@ -91,7 +91,8 @@ pub struct Lis3dh {
     taken: u64,
     /// For each axis, the number of the last sample of which bytes were read, plus one.
     seen: [u64; 3],
-    /// For each axis, the sample of which one byte was read. BDU keeps it unchanged until its second byte is read.
+    /// For each axis, the sample of which one byte was read. BDU keeps that sample unchanged until its second byte is
+    /// read.
     kept: [Option<[u8; 2]>; 3],
     misuse: Option<String>,
 }

@@ -1,5 +1,5 @@
-//! The surroundings of the active hold: the payload box that it keeps, and the sensors on its I2C bus. Each is written
-//! from its data sheet.
+//! The surroundings of the active hold: the payload box that it keeps, and the sensors on its I2C bus. Each sensor's
+//! model is written from the sensor's data sheet.
 //!
 //! | file | what |
 //! |---|---|

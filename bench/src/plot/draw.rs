@@ -30,7 +30,8 @@ pub(super) struct Drawn {
     pub(super) latency_ms: Option<f64>,
 }
 
-/// The colours of Reported-Position and GPS1 to GPS5, by Okabe and Ito, which colour-blind readers can distinguish.
+/// The colours of Reported-Position and GPS1 to GPS5. They are by Okabe and Ito, and colour-blind readers can
+/// distinguish them.
 const COLOURS: [RGBColor; 1 + profile::MAX_RECEIVERS] = [
     RGBColor(0x00, 0x00, 0x00),
     RGBColor(0x00, 0x72, 0xB2),

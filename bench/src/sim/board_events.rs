@@ -122,8 +122,8 @@ impl BoardEvents {
                 if let Fault::DeadTask(_, task) = episode.fault {
                     match interrupt_of(self.side, task) {
                         Some(line) if node.switch_interrupt_off(line) => self.injected(now, episode),
-                        // The firmware has not enabled the task's interrupt yet. It would enable the interrupt during
-                        // its start, so that the task would not be dead.
+                        // The firmware has not enabled the task's interrupt yet. An interrupt that is switched off now
+                        // would be enabled during the start, so the task would not be dead.
                         Some(_) => {}
                         None => self.note(now, no_task(self.side, task)),
                     }

@@ -54,8 +54,8 @@ pub(crate) fn verdict(seconds: Option<f64>, limit: f64, outcome: &Outcome) -> (O
 }
 
 pub(crate) fn linked_elsewhere(target: Target, firmware: &Firmware) -> Option<String> {
-    // A program for the nRF52840 can be loaded at address 0 of the STM32, which has flash there too. Its code is linked
-    // for other addresses and would not run.
+    // A program for the nRF52840 can be loaded at address 0 of the STM32, which has flash there too. The program is
+    // linked for other addresses and would not run.
     const STM32_FLASH: u64 = 0x0800_0000;
     let lies_below = firmware.segments().iter().all(|(address, _)| *address < STM32_FLASH);
     (target == Target::Stm32f429 && lies_below).then(|| {

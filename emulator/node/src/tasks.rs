@@ -46,7 +46,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.schedule = on.then(Vec::new);
     }
 
-    /// Takes the events that decide which exception runs since the last call, each with its instant (virtual ns), in
+    /// Takes the events since the last call that decide which exception runs, each with its instant (virtual ns), in
     /// order. Empty if they are not recorded.
     pub fn take_schedule(&mut self) -> Vec<(u64, Scheduled)> {
         self.note_tasks();

@@ -239,8 +239,8 @@ impl Stream {
         self.par
     }
 
-    /// Whether the stream is on and moves single bytes between memory and one register without its FIFO. `to_memory` is
-    /// the direction to look for.
+    /// Whether the stream is on and moves single bytes between memory and one register, in the direction that
+    /// `to_memory` gives, without its FIFO.
     pub(crate) fn moves_bytes(&self, to_memory: bool) -> bool {
         let direction = if to_memory { Direction::FromPeripheral } else { Direction::ToPeripheral };
         self.is_on()

@@ -1,7 +1,7 @@
 //! Exchanges SPI frames with memory by two DMA streams, byte by byte. This is the most frequent event of a part that
 //! talks to its chips. The effects of such a byte are known beforehand, so they are carried out at once.
-//! [`Stm32f429::settle`] would have the same result in several rounds. It handles what this module leaves out: every
-//! other width and mode, and the items at which a stream reports something or ends.
+//! [`Stm32f429::settle`] would have the same result in several rounds. That function handles what this module leaves
+//! out: every other width and mode, and the items at which a stream reports something or ends.
 
 use super::*;
 

@@ -5,8 +5,8 @@
 //! that station and drone share. Messages that are not signed, are for another system, are replayed, or hold no intact
 //! uplink of the base station are counted and not written.
 //!
-//! Messages may be lost in both directions, so the base station repeats the object until an answer comes. The object is
-//! written once, and again only while the DPR does not show it.
+//! Messages may be lost in both directions, so the base station repeats the object until an answer comes. The flight
+//! controller writes the object once, and writes it again only while the DPR does not show it.
 //!
 //! **The answer** is Port-Status and the uplink, from the DPR's map. Each message with the uplink gets one answer: at
 //! once if the DPR shows the uplink, and otherwise [`SHOWN_AFTER_US`] after the uplink was passed on to be written. The

@@ -7,7 +7,7 @@
 //! **Pushed.** Server-sent events come at most every [`PUSH`]. Each has a whole state, made when the connection can
 //! accept it. So a slow reader gets fewer states, never old ones, and no queue grows. The first state of a connection
 //! includes the drone's last ten minutes ([`history`](crate::station::history)), at most 150 kB. A browser allows six
-//! connections to one host, so its tabs share one (`stream.js`).
+//! connections to one host, so the tabs of a browser share one connection (`stream.js`).
 //!
 //! **Nothing from elsewhere.** HTML, style and script are in the binary, and the content security policy allows no
 //! others. A request's Host must be this machine's name or, if the station listens on another address, an address in
@@ -76,7 +76,7 @@ impl From<SocketAddr> for Access {
 
 impl Access {
     /// Returns the access of a page that requires the login `user:password`. HTTP's Basic scheme does not encrypt the
-    /// login; that takes a proxy with TLS before the page.
+    /// login. Encryption needs a proxy with TLS before the page.
     #[must_use]
     pub fn with_login(self, login: &str) -> Self {
         Self { login: Some(format!("Basic {}", BASE64_STANDARD.encode(login))), ..self }

@@ -46,8 +46,7 @@ pub const BUFFER: usize = 4096;
 /// The time without communication after which a receiver puts no more messages into its output buffer, ns.
 pub const FORSAKEN: u64 = 2_000_000_000;
 
-/// The time, ns, after the first byte of a bus transaction, at which the transaction counts as abandoned if it has not
-/// ended.
+/// A bus transaction that has not ended within this time after its first byte counts as abandoned, ns.
 pub const ABANDONED: u64 = 50_000_000;
 
 #[derive(Clone, Debug, Default)]
@@ -86,7 +85,7 @@ impl Outbox {
     }
 }
 
-/// Returns the length of the UBX message at the start of `bytes`, or of what precedes the first message.
+/// Returns the length of the UBX message at the start of `bytes`, or of the bytes before the first message.
 fn message_at_start_of(bytes: &[u8]) -> usize {
     match ubx::Frame::at_start_of(bytes) {
         Some(frame) => frame.wire_len(),

@@ -45,7 +45,8 @@ pub(super) struct Spi {
     pub(super) outbox: Outbox,
     pub(super) crossings: Crossings,
     selected: bool,
-    /// The beginning of the last byte that the receiver loaded in time, ns; `None` since it was selected.
+    /// The beginning of the last byte that the receiver loaded in time, ns; `None` if the receiver has loaded no byte
+    /// since it was selected.
     last: Option<u64>,
     filler: u32,
     last_bit: bool,

@@ -22,7 +22,7 @@ use super::seal;
 use emulator_node::{Board, Error, Node};
 
 const ALIGNED: u32 = 0x100;
-/// The distance, bytes, from a store within which branches to it are searched for. No task has more code.
+/// Branches to a store are searched for within this distance, bytes, of the store. No task has more code.
 const NEAR: u32 = 0x2000;
 
 /// A change of all stores of a program to one register.

@@ -473,7 +473,7 @@ impl LineFaults {
             let bytes: Vec<u8> = match active.fault {
                 ReceiverFault::Babbles => (0..CHUNK).map(|_| self.rng.byte()).collect(),
                 ReceiverFault::Beginnings => BEGINNING.into_iter().cycle().take(CHUNK).collect(),
-                // The receiver sends MON-VER, which answers a poll of its version and which nobody has requested.
+                // The receiver sends MON-VER, the answer to a poll of its version, although nobody has polled it.
                 _ => ubx::frame(0x0A, 0x04, &[self.rng.byte(); CHUNK - ubx::OVERHEAD]),
             };
             let on_line = OnLine::clean(now, receiver, &bytes);

@@ -125,7 +125,8 @@ fn edges(pace: Pace, period_ns: u64) -> Order {
     Order { pace: Pace { setup_ns: low, hold_ns: 0, gap_ns: period_ns - low, ..pace }, ..Order::read(0) }
 }
 
-/// Returns an empty request with an intact uplink object of the flight controller, whose timestamp never changes.
+/// Returns an empty request with an intact uplink object of the flight controller. The object's timestamp never
+/// changes.
 fn uplink() -> Vec<u8> {
     let mut object = vec![];
     object.extend(1_000_u32.to_le_bytes());

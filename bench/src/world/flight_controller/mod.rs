@@ -7,10 +7,10 @@
 //! the instant of its next action on the wires, and [`FlightController::act`] carries that action out through an
 //! [`SsiMaster`].
 //!
-//! The flight controller uses the client that real ones use, [`profile::ssi::client`]. The client determines what each
-//! transaction sends, finds the objects in the answer, and decides whether there is a position to fly by
-//! ([`Reading::report`]). [`Outcome`] is the bench's own evaluation. The flight controller forwards only whole and new
-//! profiles to the base station, unchanged ([`stream`]).
+//! The flight controller uses the client that real flight controllers use, [`profile::ssi::client`]. The client
+//! determines what each transaction sends, finds the objects in the answer, and decides whether there is a position to
+//! fly by ([`Reading::report`]). [`Outcome`] is the bench's own evaluation. The flight controller forwards only whole
+//! and new profiles to the base station, unchanged ([`stream`]).
 //!
 //! While a [`Conduct`] is set, the flight controller misuses the SSI, but still verifies what it reads.
 //!

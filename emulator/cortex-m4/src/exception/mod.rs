@@ -93,7 +93,7 @@ impl<C: Cost> Core<C> {
             return false;
         }
         if let Some(before) = self.system.debug.stepping {
-            // A debugger's step ends after one instruction. It also ends if the core hangs, without an instruction.
+            // A debugger's step ends after one instruction. If the core hangs, the step ends without an instruction.
             if self.retired != before || self.hung {
                 self.system.debug.stepping = None;
                 if self.system.debug.halting() {

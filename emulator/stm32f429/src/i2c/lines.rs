@@ -113,8 +113,8 @@ impl I2c {
         }
     }
 
-    /// Finds the bit at which arbitration is lost while another device holds SDA low: the first one-bit that was not
-    /// sampled before `now`.
+    /// Finds the bit at which arbitration is lost while another device holds SDA low: the first bit of value 1 that was
+    /// not sampled before `now`.
     pub(super) fn expect_loss(&mut self, now: Cycle) {
         if self.low_since.is_none() {
             return;
