@@ -15,7 +15,8 @@
 //! So it needs no code for each field, and covers private fields of other crates. A move of the state may change the
 //! gaps. So a state has no check word before its first change, because it may still be moved to its place until then.
 //!
-//! Only the processor may write the state, and only through [`Checked`]. It must not be moved after its first change.
+//! Only the processor may write the state, and only through [`Checked`]. The state must not be moved after its first
+//! change.
 
 /// A state with its check word.
 #[derive(Debug)]

@@ -186,8 +186,8 @@ impl<const N: usize> Table<N> {
         })
     }
 
-    /// Returns the name of the region that decides about `address`. Without one, returns the name of a region in whose
-    /// shut eighth the address lies, or else "an address where nothing is".
+    /// Returns the name of the region that decides about `address`. If no region does, returns the name of a region in
+    /// whose shut eighth the address lies, or else "an address where nothing is".
     #[must_use]
     pub fn name_of(&self, address: u32) -> &'static str {
         let mut regions = self.0.iter().rev();

@@ -54,7 +54,8 @@ impl Ticket {
 pub trait FrontEndPort: executor::Port {
     /// Sets the bytes of the next frame to load. It is never called during a load.
     fn deposit(&mut self, frame: &[u8; HoldObject::SIZE]);
-    /// Hands a ticket to the slot's interrupt. Until that interrupt has taken the ticket, only it uses the SPI.
+    /// Hands a ticket to the slot's interrupt. From then on only that interrupt uses the SPI, until it has taken the
+    /// ticket.
     fn arm(&mut self, ticket: Ticket);
     /// Takes the ticket back. Returns false if the slot's interrupt has taken the ticket already.
     fn disarm(&mut self) -> bool;

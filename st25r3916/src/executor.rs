@@ -84,8 +84,8 @@ pub trait Port {
         false
     }
 
-    /// Whether the transfer has ended, with or without success, and chip select is high again. Once this has returned
-    /// true, the executor does not call it again before the next transfer.
+    /// Whether the transfer has ended, with or without success, and chip select is high again. Once this function has
+    /// returned true, the executor does not call it again before the next transfer.
     fn ended(&mut self) -> bool;
 
     /// Returns the bytes that came in during the transfer that has ended, as [`Input::Done`] describes them.

@@ -57,9 +57,9 @@
 //! has sent the frame, and [`PollerEvent::Sent`] reports it as unconfirmed.
 //!
 //! The FIFO cannot run dry if the executor begins to load the frame's remaining bytes within [`rest_within_us`] of the
-//! transmit command. If the chip reports it all the same, the frame is lost ([`Fault::FifoFlow`]), and the next frame
-//! is sent. The number of loaded bytes is not checked before the frame is sent: with a byte too few the FIFO runs dry,
-//! and a byte too many is left over ([`Fault::FifoCount`]).
+//! transmit command. If the chip reports an empty FIFO all the same, the frame is lost ([`Fault::FifoFlow`]), and the
+//! next frame is sent. The number of loaded bytes is not checked before the frame is sent: with a byte too few the FIFO
+//! runs dry, and a byte too many is left over ([`Fault::FifoCount`]).
 //!
 //! # Recovery
 //!

@@ -160,7 +160,9 @@ fn due_us(last: &Sample, timestamp: u32, read_us: u64) -> Option<u64> {
     if due_us.abs_diff(read_us) > tolerance_us {
         return None;
     }
-    // A sample that is read early shows that earlier samples were read late. HORUS's clock may be slower by 2 %.
+    // If this sample is read earlier than expected, earlier samples were read late, so the expected instant moves to
+    // this reading. It moves to a later instant by at most 2 % of the step, because HORUS's clock may be slower by that
+    // much.
     Some(read_us.min(due_us.saturating_add(drift_us)))
 }
 
