@@ -27,7 +27,7 @@ pub const MAX_DRONES: usize = 4_096;
 /// The greatest number of senders with one drone's id that are kept.
 pub const MAX_SENDERS: u8 = 4;
 
-/// The drone that a message is about, by the id that its carrier states.
+/// The drone that a message is about, by the id that the message's carrier states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Who {
     /// The drone's MAVLink system id.

@@ -628,7 +628,7 @@ fn what_is_wrong_is_said_first_and_nothing_of_it_is_green() {
             reported.status = reported.status.with_state(HorusState::EmergencyFired);
         }),
         ("invalid", "no position: too few receivers agree", |reported, _| {
-            // The image has numbers for an invalid position, which the page must not show.
+            // The image has numbers for an invalid position. The page must not show these numbers.
             reported.status = reported.status.with_position_valid(false).with_receivers_agreeing(1);
         }),
         ("position-lost", "HORUS has lost its position and does not monitor", |reported, _| {

@@ -1,4 +1,4 @@
-//! Which violations of the judge's rules mislead a reader.
+//! Tells which violations of the judge's rules mislead a reader.
 
 use bench_judge::Violation;
 

@@ -369,7 +369,7 @@ impl Panel {
         self.asked.push((thing, ns));
     }
 
-    /// Ends all faults or, with a code, that one.
+    /// Ends all faults or, with a code, the fault of that code.
     pub fn well(&mut self, code: Option<&str>) {
         let is_meant = |thing: Thing| code.is_none_or(|code| thing.code() == code);
         self.asked.retain(|(thing, _)| !is_meant(*thing));

@@ -152,7 +152,7 @@ mod tests {
             for (step, now) in ALL.into_iter().zip([0, 1, 30, 31]) {
                 steps.push((step, now));
                 if step == twice {
-                    // The repeated step begins at a right time, so only the order is wrong.
+                    // The repeated step begins at the right time, so only the order is wrong.
                     steps.push((step, now + if step == Four::Tick { 70 } else { 30 }));
                     assert_eq!(first_wrong(&steps), Some(steps.len() - 1), "{twice:?}");
                     break;

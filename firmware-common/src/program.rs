@@ -8,7 +8,7 @@
 //! firmware verifies the CRC before its work starts. The program with its CRC is a codeword, so every burst of up to 32
 //! wrong bits is found, and other damage except in one case of 2^32.
 //!
-//! If the build has written no CRC, its word is 0xFFFFFFFF, and the program does not pass.
+//! If the build has written no CRC, the word for the CRC is 0xFFFFFFFF, and the program does not pass.
 
 #[cfg(target_os = "none")]
 use crate::memory;

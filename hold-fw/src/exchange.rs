@@ -52,7 +52,7 @@ impl Ticket {
 
 /// The hardware that a [`Link`] uses: the executor's port, with the frame, the answer and the ticket.
 pub trait FrontEndPort: executor::Port {
-    /// Sets the bytes of the next frame to load. It is never called during a load.
+    /// Sets the bytes of the next frame to load. This is never called during a load.
     fn deposit(&mut self, frame: &[u8; HoldObject::SIZE]);
     /// Hands a ticket to the slot's interrupt. From then on only that interrupt uses the SPI, until it has taken the
     /// ticket.
@@ -65,7 +65,7 @@ pub trait FrontEndPort: executor::Port {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Turn {
-    /// A transfer or a delay has to end, which the executor handles.
+    /// A transfer or a delay has to end. The executor handles that end.
     Executor,
     /// [`Link::offer`] has to be called: the chip is prepared, and there is no frame to send.
     Cycle,

@@ -842,7 +842,7 @@ impl Frame {
         }
     }
 
-    /// Records a read of `count` bytes of the frame, of which `first` is the first byte.
+    /// Records a read of `count` bytes of the frame. `first` is the first of these bytes.
     pub(crate) fn was_read(&mut self, count: u16, first: Option<u8>) {
         if self.got == 0 {
             self.total = first.map(|len| u16::from(len) + 2);

@@ -547,7 +547,7 @@ impl Drone {
         self.uplink.as_ref()
     }
 
-    /// Returns what is known of the active hold; `None` if nothing of one was forwarded.
+    /// Returns what is known of the active hold; `None` if the drone has forwarded nothing of a hold.
     #[must_use]
     pub fn hold(&self) -> Option<&HoldState> {
         self.hold.as_deref()

@@ -90,7 +90,7 @@ impl Recording {
 
 #[derive(Clone, Copy, Debug)]
 struct Pace {
-    /// The position in the recording, µs, at which the playback was at the instant `since`.
+    /// The position in the recording, µs, that the playback had at the instant `since`.
     at_us: u64,
     since: Instant,
     /// The pace as a multiple of real time. 0 means that the playback stands still.

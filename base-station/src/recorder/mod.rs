@@ -234,7 +234,7 @@ impl<P: Parts> Recorder<P> {
         }
     }
 
-    /// Records the state of an uplink of this station, which changed at `at_us`.
+    /// Records the state that an uplink of this station took at `at_us`.
     pub fn uplink(&mut self, at_us: u64, told: &UplinkChange) {
         self.put(at_us, "/uplinks", ros::UPLINK, &ros::uplink(told));
     }

@@ -273,7 +273,7 @@ fn look(channels: &mut Channels, is_lossy: bool, opcode: u8, body: &[u8]) -> Res
 
 fn channel(mut body: &[u8]) -> Option<(u16, &[u8])> {
     let id = u16::from_le_bytes(*take::<2>(&mut body)?);
-    // The channel also names its schema by number, which is not needed here.
+    // The channel also names its schema by a number. This number is not needed here.
     take::<2>(&mut body)?;
     Some((id, array(&mut body)?))
 }

@@ -62,7 +62,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// The plans of the trials in `scope`, which have at least `cycles` cycles together.
+    /// The plans of the trials in `scope`. Together these trials have at least `cycles` cycles.
     pub fn all(scope: &Scope, cycles: u64) -> impl Iterator<Item = Self> {
         let mut left = cycles;
         let plans = (1..).map(|number| Self::new(scope, number));
@@ -194,7 +194,7 @@ pub struct Trial {
     pub number: u64,
     /// The name of the trial's row, see [`Plan::row`].
     pub row: String,
-    /// Whether the fault is an upset, of whose consequences the judge excuses few.
+    /// Whether the fault is an upset. The judge excuses few consequences of an upset.
     pub is_upset: bool,
     /// The instant at which the fault began, virtual ns.
     pub at: u64,

@@ -361,9 +361,9 @@ fn air() -> Vec<AirFaults> {
         // At this bit error rate one frame in three arrives whole.
         AirFaults { bit_error: 5e-4, ..none },
         AirFaults { lost: 0.4, ..none },
-        // A HORUS that sends nothing but its carrier looks the same to the DPR.
+        // If every frame is lost, the DPR receives the same as from a HORUS that sends only its carrier.
         AirFaults { lost: 1.0, ..none },
-        // A HORUS whose data do not change looks the same to the DPR.
+        // If the frames are frozen, the DPR receives the same as from a HORUS whose data do not change.
         AirFaults { frozen: true, ..none },
         AirFaults { truncated: 0.4, ..none },
         // An object's CRC detects every burst of up to 32 bits. These bursts are twice as long.
@@ -788,7 +788,7 @@ mod tests {
         assert_eq!(dead.len(), BOARDS.into_iter().map(|board| tasks_of(board).len()).sum::<usize>(), "{dead:?}");
     }
 
-    /// The seed of a kind's draws contains the kind's number, on which published figures depend.
+    /// The seed of a kind's draws contains the kind's number. Published figures depend on these numbers.
     #[test]
     fn the_kinds_keep_the_numbers_that_their_draws_are_seeded_by() {
         let numbers = Kind::ALL.map(|kind| kind as u64);

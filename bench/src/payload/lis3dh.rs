@@ -127,7 +127,7 @@ impl Lis3dh {
         self.misuse.take()
     }
 
-    /// Restarts the sensor, since its supply came on at `at` (ns).
+    /// Restarts the sensor, because its supply came on at `at` (ns).
     pub fn power_on(&mut self, at: u64) {
         self.registers = [0; 0x40];
         for (register, value) in [(WHO_AM_I, 0x33), (CTRL_REG0, 0x10), (CTRL_REG1, 0x07)] {

@@ -29,7 +29,7 @@ impl Ratio {
             (a, b) = (b, a % b);
         }
         let (mut num, mut den) = (num / a.max(1), den / a.max(1));
-        // Real rates are whole hertz and parts per billion, for which this loop never runs.
+        // This loop never runs for real rates, which are whole hertz and parts per billion.
         while num > u128::from(u64::MAX) || den > u128::from(u64::MAX) {
             (num, den) = (num >> 1, den >> 1);
         }
@@ -62,7 +62,7 @@ pub(crate) struct Clocks {
     pub pclk1: u32,
     /// The core cycles of one PCLK2 cycle: 1, 2, 4, 8 or 16.
     pub pclk2: u32,
-    /// The core cycles of one tick of the timers on APB1, which are whole for every PPRE1 and TIMPRE.
+    /// The core cycles of one tick of the timers on APB1. Their number is whole for every PPRE1 and TIMPRE.
     pub tim1: u32,
     pub tim2: u32,
     pub lsi: Ratio,
@@ -187,7 +187,7 @@ pub(crate) enum Signal {
 pub(crate) const SIGNALS: usize = 212;
 
 impl Signal {
-    /// Returns the signal's number, below [`SIGNALS`], which no other signal has.
+    /// Returns the signal's number, below [`SIGNALS`]. No other signal has this number.
     #[inline(always)]
     pub(crate) const fn index(self) -> usize {
         match self {

@@ -332,7 +332,7 @@ impl LineFaults {
         line.faults.push(Active { fault, at, until, next });
     }
 
-    /// Ends `fault`, except for bursts that it has delayed, which are still sent.
+    /// Ends `fault`. Bursts that the fault has delayed are still sent.
     pub fn end(&mut self, receiver: usize, fault: ReceiverFault) {
         let faults = &mut self.line(receiver).faults;
         if let Some(index) = faults.iter().position(|active| active.fault == fault) {

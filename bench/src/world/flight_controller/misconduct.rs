@@ -106,7 +106,7 @@ impl Misconduct {
         match self.noise.below(5) {
             0 => encode(Request { offset: 4_096, length: 64 }).to_vec(),
             1 => encode(Request { offset: 0, length: 0xFFFF }).to_vec(),
-            // A window is requested that begins within the image and ends beyond it.
+            // The requested window begins within the image and ends beyond it.
             2 => {
                 let offset = below(&mut self.noise, image_len);
                 let length = below(&mut self.noise, 1_000) + 1;
