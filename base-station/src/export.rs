@@ -41,7 +41,7 @@ pub const COLUMNS: &str = "time,drone,object,timestamp_ms,age_ms,status,latitude
 /// The time without valid positions after which a track is interrupted, µs.
 pub const GAP_US: u64 = 2_000_000;
 
-/// Writes the recording that `reader` reads in the form of the export. `progress` gets the number of bytes read.
+/// Writes a recording, which `reader` reads, in the form of the export. `progress` gets the number of bytes read.
 /// Returns the number of written objects (CSV) or points (GPX, KML).
 ///
 /// # Errors

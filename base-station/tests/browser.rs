@@ -505,7 +505,7 @@ fn the_page_can_be_used_by_keyboard_and_says_what_it_shows() {
     while order.len() < 8 {
         tab.press("Tab");
         order.push(tab.eval(focused).as_str().unwrap_or_default().to_owned());
-        // The second drone is silent by now, so the page may have a button to acknowledge that alarm.
+        // The second drone is silent by now, so the page may have a button to acknowledge the alarm about it.
         order.retain(|id| id != "acknowledge");
     }
     // The three empty names are elements without an id: the list of changes, and two drones in the list of all drones.

@@ -43,8 +43,8 @@ impl Comparison {
     }
 }
 
-/// Compares the CRC of the running program, which takes about 14 processor cycles a byte. To be called before the
-/// memory protection unit denies access to the vector table.
+/// Compares the CRC of the running program. This takes about 14 processor cycles a byte. To be called before the memory
+/// protection unit denies access to the vector table.
 #[cfg(target_os = "none")]
 #[must_use]
 pub fn compare() -> Comparison {

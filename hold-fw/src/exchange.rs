@@ -158,8 +158,8 @@ impl<'a, P: FrontEndPort> Link<'a, P> {
         self.serve(event);
     }
 
-    /// Prepares the chip for the next frame. A state machine that refuses the frame gets the input of a failed
-    /// transfer, from which it recovers.
+    /// Prepares the chip for the next frame. A state machine that refuses the frame gets the input of a failed transfer
+    /// instead, and recovers from that.
     fn prepare(&mut self) -> Option<ExchangeEvent> {
         let length = HoldObject::SIZE;
         self.executor.go_on(|exchange| exchange.prepare(length).unwrap_or_else(|_| exchange.step(Input::Failed)))

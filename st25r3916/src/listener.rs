@@ -403,7 +403,7 @@ pub struct Listener {
     /// The time waited since the last delivered frame or since bring-up, µs; a lower bound of the time passed.
     silent_us: u32,
     counters: ListenerCounters,
-    /// The flags of the last delivered frame, which the next step counts. Counting at once would delay the delivery.
+    /// The flags of the last delivered frame. The next step counts them. Counting at once would delay the delivery.
     uncounted: Option<FrameFlags>,
 }
 

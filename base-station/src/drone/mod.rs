@@ -25,7 +25,7 @@
 //! **Alarms** follow from the kept data and the time; [`Drone::tick`] returns their changes. The bits of Link-Status
 //! are alarms as well.
 //!
-//! **The active hold** is judged and kept beside all of this ([`hold`]), which does not depend on it.
+//! **The active hold** is judged and kept separately ([`hold`]). Nothing else here depends on it.
 
 pub mod hold;
 pub mod order;
@@ -194,7 +194,7 @@ pub struct Drone {
 }
 
 impl Drone {
-    /// Returns a drone without data, which is awaited since `now_us`.
+    /// Returns a drone without data. The drone is awaited since `now_us`.
     #[must_use]
     pub fn new(now_us: u64) -> Self {
         Self {

@@ -112,7 +112,7 @@ pub struct Player {
 pub const MAX_SPEED: f64 = 100.0;
 
 impl Player {
-    /// Returns a player of a recording with these contents, which begins at `from_us`.
+    /// Returns a player of a recording with these contents. The playback begins at `from_us`.
     #[must_use]
     pub fn new(contents: &Contents, from_us: u64, speed: f64) -> Self {
         let from_us = from_us.clamp(contents.first_us, contents.last_us);

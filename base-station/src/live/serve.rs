@@ -26,7 +26,7 @@ use tokio::sync::Semaphore;
 use tokio::time::sleep;
 use tokio_io_timeout::TimeoutStream;
 
-/// The limits of connections, which are shorter in tests.
+/// The limits of connections. In tests these limits are shorter.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
     /// The greatest number of connections that may be open at once.

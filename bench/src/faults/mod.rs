@@ -115,7 +115,7 @@ pub enum Fault {
     Upset(Board, Upset),
     /// A fault of a bit of the DPR's buffers.
     Buffer(BufferFault),
-    /// Damage to a board's program, which is repaired at the episode's end.
+    /// Damage to a board's program. The program is repaired at the episode's end.
     Image(Board, ImageFault),
     /// A fault of the active hold.
     Hold(HoldFault),

@@ -94,13 +94,13 @@ pub enum Kind {
     Flash,
     /// Bits of core registers.
     Registers,
-    /// Bits of the DPR's receive and image buffers, which flip or are stuck during the run.
+    /// Bits that flip or are stuck during the run, in the DPR's receive and image buffers.
     Buffers,
     /// The state inputs of HORUS.
     Inputs,
     /// Boards that hang, dead tasks, and tasks that run although nothing has called them.
     Hang,
-    /// Bits of the registers of either front end's chip, which flip during the run.
+    /// Bits that flip during the run, in the registers of either front end's chip.
     Chips,
     /// The active hold, its sensors, and the air between hold and DPR.
     Hold,

@@ -117,7 +117,7 @@ pub(crate) struct Stream {
     m1ar: u32,
     fcr: u32,
     pub(crate) flags: u8,
-    /// The number of items of a whole transfer, which reloads NDTR in circular mode.
+    /// The number of items of a whole transfer. In circular mode NDTR is reloaded with this number.
     total: u32,
     pub(crate) left: u32,
     pub(crate) peripheral: u32,

@@ -80,7 +80,7 @@ const SYSTEM: [(u16, &str); 9] = [
     (15, "SysTick"),
 ];
 
-/// A watch on the tasks of a board, which can be cloned with the board.
+/// A watch on the tasks of a board. It can be cloned with the board.
 #[derive(Clone, Debug)]
 pub struct TaskWatch {
     tasks: Vec<Task>,

@@ -27,7 +27,7 @@ use crate::board::{call, RfPins, WAIT_COMPARE};
 const STOP_POLLS: u32 = 1_000;
 /// The shortest delay, µs. With a shorter one, the counter could pass the compare value before that value is set.
 const SHORTEST_US: u32 = 2;
-/// The number of bytes that the chip returns during a command, which come before the data.
+/// The number of bytes that the chip returns during a command. They come before the data.
 const LEAD: usize = 1;
 
 /// The ticket for the next slot, as a word; 0 if there is none.

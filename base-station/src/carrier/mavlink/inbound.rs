@@ -48,7 +48,8 @@ pub struct Inbound {
 }
 
 impl Inbound {
-    /// Returns the state of a flight controller with this system id, which accepts messages that `verifier` accepts.
+    /// Returns the state of a flight controller with this system id. The state accepts messages that `verifier`
+    /// accepts.
     #[must_use]
     pub fn new(system: u8, verifier: Verifier) -> Self {
         let receiver = Receiver::new(Some(verifier));

@@ -159,7 +159,7 @@ pub struct Voice {
 }
 
 impl Voice {
-    /// Returns a sender of messages with this system id, which sends nothing yet; `signer` signs its messages.
+    /// Returns a sender of messages with this system id; `signer` signs the messages. The sender sends nothing yet.
     #[must_use]
     pub const fn new(system: u8, signer: Option<Signer>) -> Self {
         let (heartbeat, uplinks, commander, sealed) = (None, None, None, None);

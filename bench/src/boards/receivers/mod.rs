@@ -1,4 +1,4 @@
-//! The receivers' interfaces on the HORUS board, which connect a receiver's stream of messages to the pins of the
+//! The receivers' interfaces on the HORUS board. They connect a receiver's stream of messages to the pins of the
 //! microcontroller.
 //!
 //! | file | interface | receivers | source |

@@ -1,7 +1,7 @@
 //! Damage to the code or the variables of a program in a board's memory.
 //!
 //! [`ImageFault::apply`] damages a board's memory while its core runs, as a debugger could, and returns the [`Repair`].
-//! [`rewrite()`] changes stores to peripheral registers, which a [`Recording`] of the program has found.
+//! [`rewrite()`] changes the stores to peripheral registers that a [`Recording`] of the program has found.
 
 mod constant;
 mod record;

@@ -114,7 +114,7 @@ pub enum ReceiverFault {
     BadChecksums,
     /// The receiver has its factory settings (NMEA, 1 Hz, 38 400 bit/s) until HORUS configures it.
     LosesSettings,
-    /// The receiver loses its configured dynamic model, which HORUS cannot detect.
+    /// The receiver loses its configured dynamic model. HORUS cannot detect this.
     ForgetsModel,
     /// The receiver's bus has a fault.
     Bus(BusFault),
@@ -133,7 +133,7 @@ pub enum Absurd {
     Speed,
     /// The accuracy is 0, which no receiver has.
     NoAccuracy,
-    /// The accuracy is 4295 km, the greatest value that the field can hold, which is useless.
+    /// The accuracy is 4295 km, the greatest value that the field can hold. It makes the position useless.
     HugeAccuracy,
 }
 

@@ -153,7 +153,7 @@ fn a_software_reset_frees_the_bus() {
     assert_eq!((rig.read(SR1), rig.read(SR2), rig.read(0x1C)), (0, 0, 0));
 }
 
-/// Addresses a device for reading and clears ADDR, after which bytes come in.
+/// Addresses a device for reading and clears ADDR. Afterwards bytes come in.
 fn reading(rig: &mut Rig<I2c>) {
     address(rig, 0xA1, ACK);
     rig.read(SR1);

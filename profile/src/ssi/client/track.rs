@@ -43,8 +43,8 @@ pub(super) struct Track {
     found: u8,
     /// The last sample's values, if the sample may be shown. Its position need not be valid.
     shown: Option<ReportedValues>,
-    /// The DPR's timestamp in the last intact Link-Status, which identifies the image, and the instant of reading it,
-    /// µs.
+    /// The DPR's timestamp in the last intact Link-Status, and the instant of reading that Link-Status, µs. The
+    /// timestamp identifies the image.
     image: Option<(u32, u64)>,
     /// The instant, µs, of the last reading with intact data. Before the first such reading, it is that of the first
     /// transaction.
