@@ -107,8 +107,8 @@ impl Scene {
         Self::with_key(clock, None)
     }
 
-    /// Starts a station with this clock. With a key, the station accepts only messages signed with the key, and sends
-    /// what the function enables.
+    /// Starts a station with this clock. With a key, the station accepts only messages that are signed with the key.
+    /// The function beside the key enables what the station may send.
     fn with_key(clock: impl FnOnce(Arc<AtomicU64>) -> Clock, key: Option<(Key, Enable)>) -> Self {
         let passed_us = Arc::new(AtomicU64::new(0));
         let clock = clock(Arc::clone(&passed_us));
@@ -505,7 +505,7 @@ fn the_page_can_be_used_by_keyboard_and_says_what_it_shows() {
     while order.len() < 8 {
         tab.press("Tab");
         order.push(tab.eval(focused).as_str().unwrap_or_default().to_owned());
-        // The second drone is silent by now, so the page may have a button to acknowledge that alarm.
+        // The second drone is silent by now, so the page may have a button to acknowledge the alarm about it.
         order.retain(|id| id != "acknowledge");
     }
     // The three empty names are elements without an id: the list of changes, and two drones in the list of all drones.
@@ -628,7 +628,7 @@ fn what_is_wrong_is_said_first_and_nothing_of_it_is_green() {
             reported.status = reported.status.with_state(HorusState::EmergencyFired);
         }),
         ("invalid", "no position: too few receivers agree", |reported, _| {
-            // The image has numbers for an invalid position, which the page must not show.
+            // The image has numbers for an invalid position. The page must not show these numbers.
             reported.status = reported.status.with_position_valid(false).with_receivers_agreeing(1);
         }),
         ("position-lost", "HORUS has lost its position and does not monitor", |reported, _| {

@@ -99,7 +99,7 @@ monitor faults LIST             what goes wrong from now on, drawn from the seed
         self.run.now()
     }
 
-    /// A fault injects the reset, so that the event log has it.
+    /// A fault injects the reset, so that the event log has the reset.
     fn pull_reset(&mut self) {
         let now = self.node().now();
         let fault = Fault::Power(self.side, PowerFault::Pin);

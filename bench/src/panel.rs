@@ -1,7 +1,7 @@
 //! The panel, with which a user injects faults into a running flight and sees the boards' logs.
 //!
 //! A run passes the panel's faults to the bench between two steps ([`Observer::faults`](crate::sim::Observer)), and the
-//! event log has them for the judge. Others connect the panel with its user.
+//! event log has them for the judge. Other crates connect the panel with its user.
 //!
 //! **Duration.** A fault lasts for a number of seconds of flight, or until the user ends it. The panel makes a chain of
 //! overlapping episodes of a second, so that the judge knows an end after which the link must recover. Only a
@@ -247,7 +247,7 @@ impl Panel {
     pub fn faults(&mut self, now: u64) -> Faults {
         let (at, last) = ((now + AHEAD_NS).max(FIRST_AT), self.last_ns());
         let mut faults = Faults::none();
-        // Restarts of a board come before its hangs, which they may delay.
+        // Restarts of a board are handled before its hangs, because a restart may delay a hang.
         let mut asked = std::mem::take(&mut self.asked);
         asked.sort_by_key(|(thing, _)| matches!(thing, Thing::Hang(_)));
         for (thing, ns) in asked {
@@ -369,7 +369,7 @@ impl Panel {
         self.asked.push((thing, ns));
     }
 
-    /// Ends all faults or, with a code, that one.
+    /// Ends all faults or, with a code, the fault of that code.
     pub fn well(&mut self, code: Option<&str>) {
         let is_meant = |thing: Thing| code.is_none_or(|code| thing.code() == code);
         self.asked.retain(|(thing, _)| !is_meant(*thing));

@@ -12,10 +12,11 @@
 //! 4.
 //!
 //! **Memory, not fields.** The sum covers the bytes of the state as they lie in memory, with the gaps between fields.
-//! So it needs no code for each field, and covers private fields of other crates. A move may change the gaps: a state
-//! that was made but never changed, and is perhaps still to be moved to its place, has no check word yet.
+//! So it needs no code for each field, and covers private fields of other crates. A move of the state may change the
+//! gaps. So a state has no check word before its first change, because it may still be moved to its place until then.
 //!
-//! Only the processor may write the state, and only through [`Checked`]. It must not be moved after its first change.
+//! Only the processor may write the state, and only through [`Checked`]. The state must not be moved after its first
+//! change.
 
 /// A state with its check word.
 #[derive(Debug)]
@@ -57,8 +58,8 @@ impl<T> Checked<T> {
         &self.state
     }
 
-    /// Verifies the state, changes it by `change`, and computes its check word anew. Returns what `change` returns, or
-    /// `None` without calling it if the state is not intact.
+    /// Verifies the state, changes it by `change`, and computes its check word anew. Returns what `change` returns. If
+    /// the state is not intact, returns `None` and does not call `change`.
     pub fn change<R>(&mut self, change: impl FnOnce(&mut T) -> R) -> Option<R> {
         if !self.is_intact() {
             return None;

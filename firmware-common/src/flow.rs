@@ -9,9 +9,9 @@
 //! A firmware lists the *steps* of its cycle in their order ([`Step::TABLE`]), and counts the runs of each step. A step
 //! may begin if every step that must precede it has run once more than itself. A preceding step that stands later in
 //! the table belongs to the previous cycle, and has run as often. A step that a timer calls also has a *time*: how long
-//! after the previous timed step it is due, with bounds for early and late. The time comes from a counter that does not
-//! depend on that timer. It counts from when the previous step was due, so a timer that is slightly wrong is found
-//! after some cycles.
+//! after the previous timed step it is due, with bounds for early and late. A counter that does not depend on that
+//! timer measures this time, from the instant at which the previous step was due. So a timer that is slightly wrong is
+//! found after some cycles.
 //!
 //! Only the task of a step writes the step's counter, so no lock is needed, and the check takes the same time whatever
 //! it finds. A firmware that learns of a wrong step stops at once: it enters its safe state, in which nothing feeds the
@@ -71,8 +71,8 @@ impl<S: Step> Flow<S> {
         Self { runs: [const { AtomicU32::new(0) }; MOST], due: AtomicU32::new(0), steps: PhantomData }
     }
 
-    /// Records that `step` begins. Returns whether it is its turn. `now` returns the firmware's counter, which wraps at
-    /// 2^32; it is called if the step has a time. The steps with a time must belong to one task.
+    /// Records that `step` begins. Returns whether it is the step's turn. `now` returns the firmware's counter, which
+    /// wraps at 2^32; it is called if the step has a time. The steps with a time must belong to one task.
     #[inline(always)]
     #[must_use = "a firmware whose steps are out of order has to stop"]
     pub fn begin(&self, step: S, now: impl FnOnce() -> u32) -> bool {
@@ -152,7 +152,7 @@ mod tests {
             for (step, now) in ALL.into_iter().zip([0, 1, 30, 31]) {
                 steps.push((step, now));
                 if step == twice {
-                    // The repeated step begins at a right time, so only the order is wrong.
+                    // The repeated step begins at the right time, so only the order is wrong.
                     steps.push((step, now + if step == Four::Tick { 70 } else { 30 }));
                     assert_eq!(first_wrong(&steps), Some(steps.len() - 1), "{twice:?}");
                     break;

@@ -2,7 +2,7 @@
 //!
 //! The addresses come from symbols of the linker script. Loads are instructions in assembly, because Rust's references
 //! would not be allowed. On the nRF52840 flash begins at address 0, to which no reference may point. Also other tasks
-//! or a bit flip may change a word, which must not be undefined behaviour.
+//! or a bit flip may change a word. Such a change must not be undefined behaviour.
 #![allow(unsafe_code)]
 
 use core::{arch::asm, ops::Range};

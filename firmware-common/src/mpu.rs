@@ -186,8 +186,8 @@ impl<const N: usize> Table<N> {
         })
     }
 
-    /// Returns the name of the region that decides about `address`. Without one, returns the name of a region in whose
-    /// shut eighth the address lies, or else "an address where nothing is".
+    /// Returns the name of the region that decides about `address`. If no region does, returns the name of a region in
+    /// whose shut eighth the address lies, or else "an address where nothing is".
     #[must_use]
     pub fn name_of(&self, address: u32) -> &'static str {
         let mut regions = self.0.iter().rev();
@@ -201,8 +201,8 @@ impl<const N: usize> Table<N> {
 #[cfg(target_os = "none")]
 #[allow(unsafe_code)]
 pub fn apply<const N: usize>(unit: &mut cortex_m::peripheral::MPU, table: &Table<N>) {
-    /// MPU_CTRL: the unit is on, but off in HardFault and NMI, and an address that no region opens is shut (ARMv7-M ARM
-    /// B3.5.5).
+    /// The value of MPU_CTRL: the unit is on, except in HardFault and NMI, and an address that no region opens is shut
+    /// (ARMv7-M ARM B3.5.5).
     const ENABLE: u32 = 1;
     off();
     for number in 0..Table::<N>::MOST as u32 {

@@ -221,7 +221,7 @@ mod tests {
         let end = record[record.len() - 1];
         assert!(climate.set(2.0));
         // In warmer air the output must leave its limit within a minute, although the integral was at its own limit for
-        // long.
+        // a long time.
         let _ = flown(&mut climate, end.max(8.0), 20.0, 60);
         assert!(climate.output() < 0.0, "{}", climate.output());
     }

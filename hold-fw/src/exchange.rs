@@ -52,9 +52,10 @@ impl Ticket {
 
 /// The hardware that a [`Link`] uses: the executor's port, with the frame, the answer and the ticket.
 pub trait FrontEndPort: executor::Port {
-    /// Sets the bytes of the next frame to load. It is never called during a load.
+    /// Sets the bytes of the next frame to load. This is never called during a load.
     fn deposit(&mut self, frame: &[u8; HoldObject::SIZE]);
-    /// Hands a ticket to the slot's interrupt. Until that interrupt has taken the ticket, only it uses the SPI.
+    /// Hands a ticket to the slot's interrupt. From then on only that interrupt uses the SPI, until it has taken the
+    /// ticket.
     fn arm(&mut self, ticket: Ticket);
     /// Takes the ticket back. Returns false if the slot's interrupt has taken the ticket already.
     fn disarm(&mut self) -> bool;
@@ -64,7 +65,7 @@ pub trait FrontEndPort: executor::Port {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Turn {
-    /// A transfer or a delay has to end, which the executor handles.
+    /// A transfer or a delay has to end. The executor handles that end.
     Executor,
     /// [`Link::offer`] has to be called: the chip is prepared, and there is no frame to send.
     Cycle,
@@ -157,8 +158,8 @@ impl<'a, P: FrontEndPort> Link<'a, P> {
         self.serve(event);
     }
 
-    /// Prepares the chip for the next frame. A state machine that refuses the frame gets the input of a failed
-    /// transfer, from which it recovers.
+    /// Prepares the chip for the next frame. A state machine that refuses the frame gets the input of a failed transfer
+    /// instead, and recovers from that.
     fn prepare(&mut self) -> Option<ExchangeEvent> {
         let length = HoldObject::SIZE;
         self.executor.go_on(|exchange| exchange.prepare(length).unwrap_or_else(|_| exchange.step(Input::Failed)))

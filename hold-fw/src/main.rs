@@ -205,8 +205,9 @@ mod app {
         }
     }
 
-    /// Records that a step of the cycle begins. If it is not its turn, the hold stops. A debugger that halts the
-    /// processor delays steps, so the order counts only where the watchdog runs on.
+    /// Records that a step of the cycle begins. If it is not the step's turn, the hold stops. A debugger that halts the
+    /// processor delays steps. So a firmware whose watchdog stops with the processor (`debugger-stops-watchdog`) does
+    /// not stop for this reason.
     #[inline(always)]
     fn begin(step: Step) {
         if !FLOW.begin(step, hw::now_us) && !cfg!(feature = "debugger-stops-watchdog") {

@@ -11,7 +11,7 @@ include!(concat!(env!("OUT_DIR"), "/each_task.rs"));
 
 each_task!(firmware_common::task_table);
 
-/// A step of the hold's cycle, whose order and times the firmware checks ([`firmware_common::flow`]).
+/// A step of the hold's cycle. The firmware checks the order and the times of these steps ([`firmware_common::flow`]).
 ///
 /// The slot comes first, because the timer starts at 0 and reaches the slot before the first beat. Each beat calls the
 /// other tasks as well, but they are no steps: the front end and the sensors' bus decide when and how long they run.

@@ -185,8 +185,8 @@ impl Begun {
         *self = Self { register, bytes: self.bytes.max(there) };
     }
 
-    /// Whether the object `bytes` is intact by the frame CRC in its last four bytes. What this CRC already covers must
-    /// be the beginning of `bytes`.
+    /// Whether the object `bytes` is intact by the frame CRC in its last four bytes. The bytes that this CRC already
+    /// covers must be the beginning of `bytes`.
     #[must_use]
     pub fn is_intact(mut self, bytes: &[u8]) -> bool {
         self.follow(bytes);

@@ -251,7 +251,7 @@ roles! {
     Dpr,
 }
 
-/// The role may send to the role `To`, because the [table](self) has a cell for the two that is not empty.
+/// The role may send to the role `To`, because the [table](self)'s cell for these two roles is not empty.
 pub trait Sends<To: Role>: Role {
     /// The criticality of what the role sends to the role `To`.
     const CRITICALITY: Criticality;

@@ -18,7 +18,7 @@ pub enum Freshness {
     Frozen,
     /// The timestamp is behind the last one: HORUS has restarted and counts from 0.
     Restarted,
-    /// The timestamp is ahead of the last one, but not by a whole number of cycles, which HORUS never sends.
+    /// The timestamp is ahead of the last one, but not by a whole number of cycles. HORUS never sends such a timestamp.
     Irregular,
 }
 

@@ -3,9 +3,10 @@
 //! # Access violations
 //!
 //! In a transaction the flight controller may write a [request](crate::ssi), after it one
-//! [object](crate::uplink::Written), and nothing after that. Each of these three *parts* is judged separately. A part
-//! is *idle* if all of its received bytes are 0x00 or all are 0xFF; that is no violation. Every other part that the DPR
-//! does not accept counts once, under the first of these kinds ([`Violation`]) that holds for it:
+//! [object](crate::uplink::Written), and nothing after that. Each of these three *parts* (request, object, rest) is
+//! judged separately. A part is *idle* if all of its received bytes are 0x00 or all are 0xFF; that is no violation.
+//! Every other part that the DPR does not accept counts once, under the first of these kinds ([`Violation`]) that holds
+//! for it:
 //!
 //! | kind | part | meaning |
 //! |---|---|---|

@@ -56,8 +56,8 @@ use crate::{CYCLE_MS, Freshness, freshness};
 pub const MAX_MISSED: u32 = 25;
 
 /// The tolerance, µs, for the difference between the receiver's time from one cycle to the next and the timestamps'
-/// step; [`TOLERANCE_SHARE`] is added. A quarter of a cycle allows for a late transmission and a late interrupt, and is
-/// too short to mistake one step for another.
+/// step; [`TOLERANCE_SHARE`] is added. It is a quarter of a cycle: enough for a late transmission and a late interrupt,
+/// and too short to mistake one step for another.
 pub const TOLERANCE_US: u32 = 2_500;
 
 /// The timestamps' step is divided by this number for a second tolerance, 2 %. HORUS without its crystal deviates by 1

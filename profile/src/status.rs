@@ -288,7 +288,7 @@ bit_set! {
     /// detects a deviation of more than 2 %.
     without_crystal, with_without_crystal = 7;
     /// Bit 12: flash, code or RAM did not hold the written contents. HORUS has found this since its start, or stopped
-    /// for it before.
+    /// because of it before that start.
     memory_fault, with_memory_fault = 12;
 }
 

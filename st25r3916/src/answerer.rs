@@ -204,7 +204,7 @@ impl Answerer {
         self.state
     }
 
-    /// The state of the listener within the answerer, which is at work in [`AnswererState::Listening`].
+    /// The state of the listener within the answerer. The listener is at work in [`AnswererState::Listening`].
     #[must_use]
     pub const fn listener_state(&self) -> ListenerState {
         self.listener.state()

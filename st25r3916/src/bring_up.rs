@@ -576,8 +576,8 @@ impl BringUp {
         self.issue()
     }
 
-    /// Issues the operation at `index`, or the one after it if this type of chip needs none there. No two operations in
-    /// a row are skipped and each part has an operation, so the loop runs at most three times.
+    /// Issues the operation at `index`, or the next one if this type of chip does not need that operation. No two
+    /// operations in a row are skipped and each part has an operation, so the loop runs at most three times.
     fn issue(&mut self) -> Progress {
         self.phase = Phase::Sent;
         loop {

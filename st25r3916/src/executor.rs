@@ -16,7 +16,8 @@ use crate::{Answerer, AnswererEvent, Exchange, ExchangeEvent, Listener, Listener
 /// The longest duration of a transfer, µs. A transfer of 258 bytes takes 258 µs at 8 MHz; the rest is margin.
 pub const TRANSFER_US: u32 = 1_000;
 
-/// The number of steps in a row without a transfer or a wait after which a call returns. The machines take at most two.
+/// An executor's call returns after this number of steps in a row without a transfer or a wait. The state machines take
+/// at most two such steps in a row.
 const STEPS: u32 = 8;
 /// The pause, µs, after a call that took [`STEPS`] steps without a transfer or a wait.
 const PAUSE_US: u32 = 1_000;
@@ -83,8 +84,8 @@ pub trait Port {
         false
     }
 
-    /// Whether the transfer has ended, with or without success, and chip select is high again. Once this has returned
-    /// true, the executor does not call it again before the next transfer.
+    /// Whether the transfer has ended, with or without success, and chip select is high again. Once this function has
+    /// returned true, the executor does not call it again before the next transfer.
     fn ended(&mut self) -> bool;
 
     /// Returns the bytes that came in during the transfer that has ended, as [`Input::Done`] describes them.

@@ -39,8 +39,9 @@
 //!
 //! A machine is a value with one method, `step`, which takes the last event ([`Input`]) and returns the next action
 //! ([`Step`]): make one SPI transfer, wait for the IRQ pin with a time limit, or report an event to the caller. An
-//! executor carries the steps out. The module [`executor`] has one that uses a [`executor::Port`], which interrupts and
-//! DMA implement, or [`blocking`] with polling. So the logic is the same for both, and it is tested without hardware.
+//! executor carries the steps out. The module [`executor`] has an executor that uses the hardware through an
+//! [`executor::Port`]. Interrupts and DMA implement this port, and [`blocking`] implements it by polling. So the logic
+//! is the same for both, and it is tested without hardware.
 //!
 //! | step | the executor | the next input |
 //! |---|---|---|

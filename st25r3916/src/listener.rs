@@ -30,14 +30,15 @@
 //!  └── CheckingSetting ◄── RearmUnmask ◄── RearmClear
 //! ```
 //!
-//! The diagram omits two transitions: an error outside a frame leads from ReadingStatus to RearmClear, and a second
-//! sync within a frame is DROPPED, from where Reported leads back to Receiving.
+//! The diagram omits two transitions. An error outside a frame leads from ReadingStatus to RearmClear. A second sync
+//! within a frame is reported as DROPPED, and Reported then leads back to Receiving.
 //!
 //! # A frame
 //!
 //! I_rxs (sync detected) begins a frame, I_rxe ends it, and in between its bytes fill the FIFO, one every 18.9 µs. With
 //! [`ReadMode::StoreAndForward`] the machine waits until I_rxe and then reads all bytes but the CRC-16: at 8 MHz 246 µs
-//! for a frame of 247 bytes. With [`ReadMode::WhileFilling`] it reads the bytes present three times before that:
+//! for a frame of 247 bytes. With [`ReadMode::WhileFilling`] it also reads three times before I_rxe, each time the
+//! bytes that have arrived:
 //!
 //! 1. The first read begins 16 bytes after the sync. These bytes include LEN, which determines the frame's end.
 //! 2. The second read begins [`BODY`] bytes before the frame's end, and takes most of the frame.
@@ -122,8 +123,8 @@ pub const SILENCE_US: u32 = 500_000;
 /// row.
 pub const SILENCE_LONGEST_US: u32 = SILENCE_US << SILENCE_DOUBLINGS;
 const SILENCE_DOUBLINGS: u8 = 4;
-/// The time, µs, that counts as silence for each wait without a frame, and for each frame within another. So a deaf
-/// listener detects its silence even if interrupts without a frame keep coming.
+/// The time, µs, that is added to the silence for each wait without a frame, and for each frame that begins within
+/// another. So a listener that receives no frame detects its silence even if interrupts without a frame keep coming.
 const DISTURBED_US: u32 = 1_000;
 /// The length of the shortest frame, bytes: LEN, one byte of payload, CRC-16.
 const SHORTEST: u16 = 4;
@@ -376,8 +377,8 @@ pub(crate) struct Frame {
     unread: u16,
 }
 
-/// The purpose of the next time-out within a frame: one of the three early reads, or the limit for the frame's end. It
-/// only moves forward, so a frame costs at most three reads before its end.
+/// The purpose of the next time-out within a frame: one of the three early reads, or the limit for the frame's end. A
+/// purpose is never followed by an earlier one, so a frame costs at most three reads before its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Plan {
     Head,
@@ -402,7 +403,7 @@ pub struct Listener {
     /// The time waited since the last delivered frame or since bring-up, µs; a lower bound of the time passed.
     silent_us: u32,
     counters: ListenerCounters,
-    /// The flags of the last delivered frame, which the next step counts. Counting at once would delay the delivery.
+    /// The flags of the last delivered frame. The next step counts them. Counting at once would delay the delivery.
     uncounted: Option<FrameFlags>,
 }
 
@@ -841,7 +842,7 @@ impl Frame {
         }
     }
 
-    /// Records a read of `count` bytes of the frame, of which `first` is the first byte.
+    /// Records a read of `count` bytes of the frame. `first` is the first of these bytes.
     pub(crate) fn was_read(&mut self, count: u16, first: Option<u8>) {
         if self.got == 0 {
             self.total = first.map(|len| u16::from(len) + 2);

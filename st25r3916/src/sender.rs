@@ -136,8 +136,8 @@ impl Sender {
         }
     }
 
-    /// Waits for the end of the frame. The time of the load counts as part of the wait; it is taken as on an SPI of 10
-    /// MHz, which is the shortest.
+    /// Waits for the end of the frame. The time of the load counts as part of the wait. An SPI of 10 MHz, the fastest,
+    /// is assumed for that time.
     fn wait(&self) -> Sending {
         let rest = u32::from(self.len).saturating_sub(HEAD as u32);
         Sending::Wait(SendState::OnAir, air_time_us(self.len) + TRANSMIT_MARGIN_US - rest * 8 / 10)

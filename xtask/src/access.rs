@@ -1,6 +1,6 @@
 //! Explains why a debug probe has no access to a board, and what must be written to keep a board accessible.
 //!
-//! These functions do no I/O. [`crate::probe`] reads the values from the board that they need.
+//! These functions do no I/O. [`crate::probe`] reads the values that they need from the board.
 
 use crate::Board;
 

@@ -186,7 +186,7 @@ impl RawDapAccess for BenchProbe {
     }
 
     /// A read of an access port returns the result of the previous read (posted reads), and RDBUFF returns the last
-    /// one.
+    /// result.
     fn raw_read_block(&mut self, address: RegisterAddress, values: &mut [u32]) -> Result<(), ArmError> {
         let register = address.a2_and_3();
         self.command(|on, khz| {

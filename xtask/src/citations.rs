@@ -98,8 +98,8 @@ fn paths(line: &str) -> Vec<Cited> {
     let belongs = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.' | '/' | '#');
     line.match_indices("docs/")
         .filter(|(at, _)| {
-            // Within the workspace the folder may be cited as `../docs/`. A folder docs/ of another project is another
-            // one.
+            // Within the workspace the folder may be cited as `../docs/`. A folder docs/ of another project does not
+            // count.
             let before = line[..*at].trim_end_matches("../");
             !before.ends_with(belongs)
         })

@@ -33,7 +33,7 @@ pub(crate) struct DefectsArgs {
     names: Vec<String>,
 }
 
-/// The suffix of the names of the copy's packages and binaries, which keeps the checkout's files from being replaced.
+/// The suffix of the names of the copy's packages and binaries. It keeps the checkout's files from being replaced.
 const SUFFIX: &str = "-with-defects";
 /// The two words that precede the number of the chosen defect in a firmware's flash.
 const MARK: [u32; 2] = [0x4445_4645, 0x4354_3A20];

@@ -61,8 +61,8 @@ pub(crate) fn build_pair(gps: Receivers) -> Result<(PathBuf, PathBuf)> {
     Ok((build(Board::Horus, gps)?, build(Board::Dpr, gps)?))
 }
 
-/// Builds the link's firmwares and returns the paths of their ELF files: HORUS's, the DPR's, and with `hold` that of
-/// the hold, for which the DPR's has its second port.
+/// Builds the link's firmwares and returns the paths of their ELF files: HORUS's and the DPR's. With `hold` the DPR's
+/// firmware has its second port, and the path of the hold's firmware is returned as well.
 pub(crate) fn build_link(gps: Receivers, hold: bool) -> Result<(PathBuf, PathBuf, Option<PathBuf>)> {
     let horus = build(Board::Horus, gps)?;
     if hold {

@@ -167,7 +167,7 @@ impl Page {
     ) -> Result<Self> {
         let passed_us = Arc::new(AtomicU64::new(0));
         let clock = if pace == 1.0 { Clock::begin() } else { Clock::told(Arc::clone(&passed_us)) };
-        // This process ends the inlet, and with it the station.
+        // The station ends with its inlet, and the inlet ends with this process.
         let key = speaks.map(|_| key());
         let verifier = || key.clone().map(Verifier::new);
         let (inlet, station, _) = live::start(verifier(), None, Time::Clock(clock.clone()), told);

@@ -241,7 +241,7 @@ fn open(probe: &Found, args: &ProbeArgs) -> Result<(Probe, Option<u32>, Feeding)
 }
 
 /// Identifies the part at the probe by its identification registers, without disturbing it. Returns `None` if no debug
-/// port answers, which the library reports when it attaches.
+/// port answers; the library reports that when it attaches.
 fn look(probe: &Found, args: &ProbeArgs) -> Result<Option<Seen>> {
     /// The address of IDR of an access port, in its bank 2 (ADIv5.2, C1.3).
     const IDR: u64 = 0xFC;

@@ -11,7 +11,8 @@ use anyhow::{Context, Result, bail};
 use crate::package::PACKAGES;
 use crate::workspace::{SEMVER_CHECKS, cargo, check, install, root};
 
-/// Returns the newest version with a date in a changelog's text, which is the first: `## [1.2.3] - 2027-01-31`.
+/// Returns the newest version with a date in a changelog's text. The newest version comes first: `## [1.2.3] -
+/// 2027-01-31`.
 fn released(changelog: &str) -> Option<&str> {
     let mut headings = changelog.lines().filter_map(|line| line.strip_prefix("## [")?.split_once("] - "));
     headings.next().map(|(version, _)| version)

@@ -11,7 +11,7 @@ use crate::workspace::{root, tracked};
 
 const COLUMNS: usize = 120;
 
-/// Returns whether the file at `path` is checked, which all hand-written sources are.
+/// Returns whether the file at `path` is checked. All hand-written sources are checked.
 fn is_checked(path: &str) -> bool {
     let data = path.split('/').any(|folder| matches!(folder, "data" | "corpus"));
     let source = matches!(

@@ -30,8 +30,8 @@ pub struct Playback {
     pub at_s: f64,
     /// The length of the recording, s.
     pub length_s: f64,
-    /// The number of changes of pace or instant so far. It tells the page which states include the change that it
-    /// requested.
+    /// The number of changes of pace or instant so far. A state with this number includes the changes up to it, also
+    /// those that the page requested.
     pub changes: u64,
     /// The instant, µs since 1970.
     #[serde(skip)]
@@ -115,7 +115,7 @@ struct Port {
 
 #[derive(Serialize)]
 struct Uplink {
-    /// The uplink's timestamp, ms on this station's clock, which identifies the uplink.
+    /// The uplink's timestamp, ms on this station's clock. It identifies the uplink.
     timestamp: u32,
     status: u16,
     payload: String,
@@ -299,7 +299,7 @@ pub fn state(
     }
 }
 
-/// Returns the drone of this name. If that one is gone, returns another sender with its id.
+/// Returns the drone of this name. If that drone is gone, returns another sender with its id.
 fn named<'a>(fleet: &'a Fleet, name: &str) -> Option<(DroneId, &'a Drone)> {
     let who = |id: DroneId| id.who.to_string();
     fleet.iter().find(|(id, _)| id.to_string() == name).or_else(|| {

@@ -197,8 +197,8 @@ impl FrontEnd {
         self.faults.miso(answer)
     }
 
-    /// Takes the instants, ns, at which chip select rose after a transmit command. The chip carries out the command at
-    /// that edge, which the firmware controls.
+    /// Takes the instants, ns, at which chip select rose after a transmit command. The firmware controls this edge, at
+    /// which the chip carries out the command.
     pub fn take_transmits(&mut self) -> Vec<u64> {
         let mut transmits = self.chip.take_transmits();
         transmits.extend(self.emission.take_commands());
@@ -217,7 +217,7 @@ fn note(crossings: &mut Option<Vec<(u64, Crossing)>>, at: u64, crossing: Crossin
     }
 }
 
-/// Records the edges of the chip's interrupt output, which may lie slightly in the past.
+/// Records the edges of the chip's interrupt output. An edge may lie slightly in the past.
 fn note_irq(chip: &mut Chip, crossings: &mut Option<Vec<(u64, Crossing)>>) {
     if chip.has_irq_edges() {
         for edge in chip.take_irq_edges() {

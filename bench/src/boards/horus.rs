@@ -93,8 +93,8 @@ impl Horus {
         std::mem::take(&mut self.input_changes)
     }
 
-    /// Passes `bytes` to receiver `index` (from 0), which sends them from `at` (ns) on over a UART, or offers them from
-    /// then on over a bus. Returns the instant, ns, at which a UART begins the first byte.
+    /// Passes `bytes` to receiver `index` (from 0). Over a UART the receiver sends them from `at` (ns) on; over a bus
+    /// it offers them from then on. Returns the instant, ns, at which a UART begins the first byte.
     pub fn say(&mut self, at: u64, index: usize, bytes: &[u8]) -> u64 {
         let frames = bytes.iter().map(|&byte| UartFrame::eight_n_one(byte, GNSS_BAUD));
         self.receivers.offer(at, index, bytes);

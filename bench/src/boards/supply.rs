@@ -17,7 +17,7 @@ pub trait Powered: Board {
     /// The board's front end.
     fn front_end(&mut self) -> &mut FrontEnd;
 
-    /// Switches the supply of all chips beside the microcontroller on or off at `at` (ns).
+    /// Switches the supply of all chips except the microcontroller on or off at `at` (ns).
     fn supply_chips(&mut self, at: u64, on: bool) {
         self.front_end().supply(at, on);
     }

@@ -39,7 +39,7 @@ impl Reading {
 /// ([`profile::ssi::client::Config`]) and two control cycles.
 pub(super) const LONGEST_POSITION: u64 = 100_000_000 + 2 * 4_100_000;
 
-/// The last part of a run, ns, in which a link that has recovered brings a new position.
+/// The length, ns, of the last part of a run. A link that has recovered brings a new position in this time.
 pub(super) const LATELY: u64 = 50_000_000;
 
 /// The class of a fault's effect.
@@ -54,7 +54,7 @@ pub enum Class {
     /// The flight controller read no invalid data as valid, but has no position at the end, and its client reports
     /// that.
     Stopped,
-    /// The flight controller read invalid data as valid, or one position for too long without a report.
+    /// The flight controller read invalid data as valid, or kept flying by one position for longer than allowed.
     Dangerous,
 }
 

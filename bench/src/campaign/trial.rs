@@ -13,7 +13,8 @@ use crate::sim::Bench;
 /// The length of a cycle of HORUS, virtual ns.
 pub const CYCLE: u64 = 10_000_000;
 
-/// The number of trials whose faults begin at the same instant, so that the bench reaches it only once.
+/// The number of trials whose faults begin at one instant. The bench reaches that instant once, and is copied for each
+/// of these trials.
 const PER_INSTANT: u64 = 16;
 
 /// The time for which a copy of the bench runs after an upset, ns. A watchdog resets its board within 200 ms, and the
@@ -28,8 +29,8 @@ const AFTER_LINE: u64 = 100_000_000;
 /// to start.
 const AFTER_FAULT: u64 = 600_000_000;
 
-/// The longest time, ns, for which a copy of the bench runs on because it has no position at its end. A receiver that
-/// lost its settings sends positions again within this time.
+/// A copy of the bench that has no position at its planned end runs on for at most this time, ns. A receiver that lost
+/// its settings sends positions again within this time.
 const EXTENSION: u64 = 1_500_000_000;
 
 /// The step in which a copy runs on, ns.
@@ -61,7 +62,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// The plans of the trials in `scope`, which have at least `cycles` cycles together.
+    /// The plans of the trials in `scope`. Together these trials have at least `cycles` cycles.
     pub fn all(scope: &Scope, cycles: u64) -> impl Iterator<Item = Self> {
         let mut left = cycles;
         let plans = (1..).map(|number| Self::new(scope, number));
@@ -193,7 +194,7 @@ pub struct Trial {
     pub number: u64,
     /// The name of the trial's row, see [`Plan::row`].
     pub row: String,
-    /// Whether the fault is an upset, of whose consequences the judge excuses few.
+    /// Whether the fault is an upset. The judge excuses few consequences of an upset.
     pub is_upset: bool,
     /// The instant at which the fault began, virtual ns.
     pub at: u64,

@@ -33,11 +33,11 @@ pub enum ChipFault {
 pub const GLITCH_EVERY: u64 = 1024;
 
 impl ChipFault {
-    /// All faults of a front end's chip but the glitches of its SPI.
+    /// All faults of a front end's chip except glitches of the SPI.
     pub const ALL: [Self; 6] =
         [Self::IrqLow, Self::IrqHigh, Self::NoInterrupts, Self::NoFrameEnds, Self::ReadsOnes, Self::ReadsZeros];
 
-    /// Returns the fault's name in the event log, which follows the board and the words "front end".
+    /// Returns the fault's name in the event log. There the board and the words "front end" come before it.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

@@ -61,7 +61,7 @@ fn shorten(data: &mut Vec<u8>, whole: usize) {
 struct Sending {
     start: FrameStart,
     late: u64,
-    /// Whether the frame's end has left the antenna before the end of the chip's own frame.
+    /// Whether the frame's end has left the antenna while the chip was still sending the frame.
     ended: bool,
     lost: bool,
     /// The original length, bytes, of a frame whose last byte of payload is to be removed.
@@ -176,7 +176,7 @@ impl Emission {
         if self.faults.contains(&FrontEndFault::Shortened) && whole > 4 {
             data[0] -= 1;
             bits = Some(8 * (whole as u64 - 1));
-            // The chip may load the frame's last bytes only while it sends.
+            // The chip may load the frame's last bytes while it already sends, so these bytes may be missing now.
             if data.len() >= whole {
                 shorten(data, whole);
             } else {

@@ -33,7 +33,7 @@ pub enum Hostile {
     Blinks,
 }
 
-/// A deviation of the run from its log, which the judge has to report. `--faults` draws no such fault.
+/// A fault that is not in the event log, so that the judge has to report its effects. `--faults` draws no such fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Break {
     /// The hold's antenna sends no frames.

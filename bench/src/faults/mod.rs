@@ -27,8 +27,8 @@
 //!
 //! # Where to add a fault
 //!
-//! Most faults are variants of an enumeration in one of the files above (`ReceiverFault`, `PowerFault` and so on). The
-//! fault's effect is in the same file. A line in [`plan`] makes `--faults` draw the fault.
+//! Most faults are variants of an enumeration in one of this folder's files (`ReceiverFault`, `PowerFault` and so on).
+//! The fault's effect is in the same file. A line in [`plan`] makes `--faults` draw the fault.
 //!
 //! A fault of a new kind is a variant of [`Fault`] with its name, its side of the link ([`Fault::is_upstream`]) and its
 //! disturbance ([`Fault::disturbs`]), from which the judge knows what to excuse ([`bench_judge::disturbance`]). Three
@@ -108,13 +108,14 @@ pub enum Fault {
     /// task's index in [`tasks_of`]. A task that is a step of its board's cycle ([`is_step`]) makes the board stop; any
     /// other finds no work. A board that has not enabled its interrupts, hangs or has no supply is not affected.
     Spurious(Board, u8),
-    /// A drift of the external oscillators of a board's microcontroller, parts per billion above what they had before.
+    /// A drift of the external oscillators of a board's microcontroller: the parts per billion that are added to the
+    /// oscillators' earlier error.
     Drift(Board, i64),
     /// An upset of a bit of a board.
     Upset(Board, Upset),
     /// A fault of a bit of the DPR's buffers.
     Buffer(BufferFault),
-    /// Damage to a board's program, which is repaired at the episode's end.
+    /// Damage to a board's program. The program is repaired at the episode's end.
     Image(Board, ImageFault),
     /// A fault of the active hold.
     Hold(HoldFault),

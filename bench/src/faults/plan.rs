@@ -16,7 +16,7 @@ use gnss_sim::Port;
 /// No episode begins before this instant, ns, so that both boards start undisturbed.
 pub const FIRST_AT: u64 = 300_000_000;
 
-/// The time, ns, between the end of the last episode and the end of the run, in which the recovery is observed.
+/// The time, ns, between the end of the last episode and the end of the run. In this time the recovery is observed.
 pub const LAST_BEFORE_END: u64 = 600_000_000;
 
 /// The shortest and longest time from one episode's end to the beginning of the next of the same kind, ns.
@@ -32,12 +32,12 @@ pub const LENGTH: (u64, u64) = (20_000_000, 400_000_000);
 /// The duration, ns, of a fault of the hold. The hold exchanges frames once every 100 ms.
 pub const HOLD_LENGTH: (u64, u64) = (200_000_000, 2_000_000_000);
 
-/// The time from one fault of the hold to the next, ns, in every fourth gap. In this time the hold recovers and the
-/// judge requires all of its functions.
+/// The shortest and the longest time, ns, of every fourth gap between two faults of the hold. In this gap the hold
+/// recovers, and the judge requires all of its functions.
 pub const HOLD_GAP: (u64, u64) = (3_500_000_000, 5_500_000_000);
 
-/// The time from one episode of a hostile sender to the next, ns. It is longer than a frame, so that their frames do
-/// not overlap.
+/// The time, ns, from one episode of a hostile sender to the next. This time is longer than a frame, so that frames of
+/// two episodes do not overlap.
 pub const HOSTILE_GAP: (u64, u64) = (30_000_000, 60_000_000);
 
 /// The duration of a receiver's drift, ns: at its end the receiver's position is wrong by a few tens of metres.
@@ -47,7 +47,8 @@ pub const DRIFT_LENGTH: (u64, u64) = (1_000_000_000, 3_000_000_000);
 /// back for a time within this range.
 pub const JUMP_LENGTH: (u64, u64) = (20_000_000, 2_500_000_000);
 
-/// The longest time between the failures of the two boards, ns, where both lose their supply, restart or hang together.
+/// The longest time, ns, between the failures of two boards that both lose their supply, restart or hang in one
+/// episode.
 pub const BETWEEN_BOARDS: u64 = 20_000_000;
 
 /// The time reserved for a hang and the board's restart, ns. HORUS has the slowest watchdog, with 190 ms.
@@ -93,13 +94,13 @@ pub enum Kind {
     Flash,
     /// Bits of core registers.
     Registers,
-    /// Bits of the DPR's receive and image buffers, which flip or are stuck during the run.
+    /// Bits that flip or are stuck during the run, in the DPR's receive and image buffers.
     Buffers,
     /// The state inputs of HORUS.
     Inputs,
     /// Boards that hang, dead tasks, and tasks that run although nothing has called them.
     Hang,
-    /// Bits of the registers of either front end's chip, which flip during the run.
+    /// Bits that flip during the run, in the registers of either front end's chip.
     Chips,
     /// The active hold, its sensors, and the air between hold and DPR.
     Hold,
@@ -245,7 +246,7 @@ impl Faults {
 
 impl Faults {
     /// Returns one drawn fault of `kind`, or several that occur together, for a link with `gps` receivers. The first
-    /// begins at `at` (ns). A kind that is not drawn into runs has none.
+    /// begins at `at` (ns). Returns no fault for a kind that is not drawn into runs.
     #[must_use]
     pub fn one(kind: Kind, gps: usize, rng: &mut Rng, at: u64) -> Self {
         let mut draws = all_of(kind, gps, rng);
@@ -360,9 +361,9 @@ fn air() -> Vec<AirFaults> {
         // At this bit error rate one frame in three arrives whole.
         AirFaults { bit_error: 5e-4, ..none },
         AirFaults { lost: 0.4, ..none },
-        // A HORUS that sends nothing but its carrier looks the same to the DPR.
+        // If every frame is lost, the DPR receives the same as from a HORUS that sends only its carrier.
         AirFaults { lost: 1.0, ..none },
-        // A HORUS whose data do not change looks the same to the DPR.
+        // If the frames are frozen, the DPR receives the same as from a HORUS whose data do not change.
         AirFaults { frozen: true, ..none },
         AirFaults { truncated: 0.4, ..none },
         // An object's CRC detects every burst of up to 32 bits. These bursts are twice as long.
@@ -608,8 +609,8 @@ mod tests {
         }
     }
 
-    /// Returns how many per cent of ten drawn minutes the judge requires that the hold sends, that the DPR shows and
-    /// answers, and that Hold-Status agrees with the payload.
+    /// Returns for how many per cent of ten drawn minutes the judge requires each of three things: that the hold sends,
+    /// that the DPR shows and answers, and that Hold-Status agrees with the payload.
     fn judged(kinds: &[Kind], seed: u64) -> [u64; 3] {
         const STEP: u64 = 10_000_000;
         let (mut calm, mut judged) = (Calm::default(), [0; 3]);
@@ -630,7 +631,7 @@ mod tests {
     #[test]
     fn the_duties_of_the_hold_are_judged_in_a_drawn_run() {
         for seed in 1..4 {
-            // Without these two kinds there is time in which the hold and the DPR are undisturbed.
+            // These two kinds are left out, so that there is time in which the hold and the DPR are undisturbed.
             let most: Vec<Kind> =
                 Kind::ALL.into_iter().filter(|kind| !matches!(kind, Kind::Hostile | Kind::Spi)).collect();
             let (alone, all) = (judged(&[Kind::Hold], seed), judged(&most, seed));
@@ -763,7 +764,7 @@ mod tests {
         }
         assert!(left(PowerFault::FrontEndOff, hang(900, Board::Dpr)));
         assert!(left(PowerFault::CrystalDead, hang(900, Board::Dpr)));
-        // The last of several starts of a board counts.
+        // The last start of the board before a hang decides whether that hang stays.
         let mut faults = Faults::none();
         for at in [100, 2 * WATCHDOG_STARTS, 9 * WATCHDOG_STARTS] {
             faults.add(Episode { at, until: at, fault: Fault::Power(Board::Dpr, PowerFault::Pin) });
@@ -787,7 +788,7 @@ mod tests {
         assert_eq!(dead.len(), BOARDS.into_iter().map(|board| tasks_of(board).len()).sum::<usize>(), "{dead:?}");
     }
 
-    /// The seed of a kind's draws contains the kind's number, on which published figures depend.
+    /// The seed of a kind's draws contains the kind's number. Published figures depend on these numbers.
     #[test]
     fn the_kinds_keep_the_numbers_that_their_draws_are_seeded_by() {
         let numbers = Kind::ALL.map(|kind| kind as u64);

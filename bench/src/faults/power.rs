@@ -22,8 +22,8 @@ pub enum PowerFault {
     /// The watchdog resets the microcontroller, even if it is fed. RAM and the front end's registers keep their
     /// contents.
     Watchdog,
-    /// The crystal is dead: HORUS's stops at once, the DPR's fails to start. If the board cannot start without its
-    /// crystal, its pin resets it at the episode's end.
+    /// The crystal is dead: HORUS's stops at once, the DPR's fails to start. A board that cannot start without its
+    /// crystal is reset by its pin at the episode's end.
     CrystalDead,
     /// The supply sags and recovers in a [`shape`] that this seed determines.
     Sag(u64),
@@ -89,7 +89,7 @@ pub fn shape(seed: u64) -> Vec<(u64, u32)> {
         for step in 1..=steps {
             let part = i64::from(step) * (i64::from(to) - i64::from(volts)) / i64::from(steps);
             let reached = (i64::from(volts) + part) as u32;
-            // The only step comes at the beginning of the time.
+            // If the voltage changes in one step, that step comes at the beginning of the time.
             let after = if steps == 1 { 0 } else { takes * u64::from(step) / u64::from(steps) };
             shape.push((at + after, reached));
         }

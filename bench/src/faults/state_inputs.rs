@@ -6,7 +6,7 @@ pub const INPUTS: usize = 3;
 /// The names of the state inputs, the input of the least severe state first.
 const NAMES: [&str; INPUTS] = ["relay", "motor cut", "emergency measure"];
 
-/// The state of a pair of pins during an episode. Without a fault they say that the input is inactive.
+/// The state of a pair of pins during an episode. Without a fault the pins say that the input is inactive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InputFault {
     /// The input is active, which is not a fault in itself.

@@ -35,13 +35,14 @@ pub enum WireFault {
         /// The bit's number, 0 (the least significant) to 7.
         bit: u8,
     },
-    /// MISO repeats the bytes of an earlier transaction, the latest that ended at least this long before, as far as it
-    /// has any.
+    /// MISO repeats the bytes of an earlier transaction: the latest one that ended at least this long before. Bytes
+    /// beyond the end of that transaction stay as they are.
     MisoReplay {
         /// The least age of the repeated transaction, ns; at most [`HISTORY_NS`].
         age_ns: u64,
     },
-    /// MISO repeats the bytes of the preceding transaction from a certain byte on, as far as that transaction has any.
+    /// From a certain byte on, MISO repeats the bytes of the preceding transaction. Bytes beyond the end of that
+    /// transaction stay as they are.
     MisoSplice {
         /// The index of the first byte that is repeated, from 0.
         at_byte: usize,
@@ -84,7 +85,7 @@ pub enum WireFault {
     RadioBit,
     /// The second half of each profile on the radio is the second half of the profile before.
     RadioMix,
-    /// Every receiver has this fault. The log does not say that a receiver has one.
+    /// Every receiver has this fault, and the event log does not mention it.
     Sky(ReceiverFault),
     /// The flight controller keeps flying by the last position and ignores the client's report.
     ClientKeeps,
@@ -229,7 +230,7 @@ impl Wires {
     }
 
     /// Changes the bytes of a transaction that ended at `at` (ns) to those that the flight controller receives. `miso`
-    /// has the bytes that the DPR sent, of which the first is the image's byte at `offset`.
+    /// has the bytes that the DPR sent. The first of them is the image's byte at `offset`.
     pub fn miso(&mut self, at: u64, offset: usize, miso: &mut [u8]) {
         let sent = miso.to_vec();
         for fault in &self.faults {

@@ -31,7 +31,7 @@ pub struct Climate {
     /// The pressure of the vapour in the box, hPa.
     vapour: f64,
     temperature: f64,
-    /// The instant, ns, of this temperature and vapour pressure.
+    /// The instant, ns, to which the temperature and the vapour pressure belong.
     at: u64,
     heats: bool,
     cools: bool,

@@ -91,7 +91,8 @@ pub struct Lis3dh {
     taken: u64,
     /// For each axis, the number of the last sample of which bytes were read, plus one.
     seen: [u64; 3],
-    /// For each axis, the sample of which one byte was read. BDU keeps it unchanged until its second byte is read.
+    /// For each axis, the sample of which one byte was read. BDU keeps that sample unchanged until its second byte is
+    /// read.
     kept: [Option<[u8; 2]>; 3],
     misuse: Option<String>,
 }
@@ -126,7 +127,7 @@ impl Lis3dh {
         self.misuse.take()
     }
 
-    /// Restarts the sensor, since its supply came on at `at` (ns).
+    /// Restarts the sensor, because its supply came on at `at` (ns).
     pub fn power_on(&mut self, at: u64) {
         self.registers = [0; 0x40];
         for (register, value) in [(WHO_AM_I, 0x33), (CTRL_REG0, 0x10), (CTRL_REG1, 0x07)] {
@@ -263,7 +264,7 @@ impl Lis3dh {
         self.value(CTRL_REG5) & 0x40 != 0 && self.value(FIFO_CTRL_REG) >> 6 != 0
     }
 
-    /// Returns the number of the oldest sample in the FIFO, and the number after that of the newest one.
+    /// Returns the number of the oldest sample in the FIFO, and the number that follows the newest sample's.
     fn fifo(&self, at: u64) -> (u64, u64) {
         let (oldest, end) = (self.fifo_from + self.taken, self.samples(at));
         if self.value(FIFO_CTRL_REG) >> 6 == 1 {

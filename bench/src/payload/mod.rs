@@ -1,5 +1,5 @@
-//! The surroundings of the active hold: the payload box that it keeps, and the sensors on its I2C bus. Each is written
-//! from its data sheet.
+//! The surroundings of the active hold: the payload box that it keeps, and the sensors on its I2C bus. Each sensor's
+//! model is written from the sensor's data sheet.
 //!
 //! | file | what |
 //! |---|---|
@@ -70,7 +70,7 @@ impl Payload {
         self.silent = sensor;
     }
 
-    /// Makes a sensor send random bytes from now on, which the number determines; `None` ends the fault.
+    /// Makes a sensor send random bytes from now on; the number determines the bytes. `None` ends the fault.
     pub fn make_lie(&mut self, sensor: Option<(Sensor, u64)>) {
         self.lies = sensor.map(|(sensor, seed)| (sensor, Rng::new(seed)));
     }

@@ -73,7 +73,7 @@ impl Sht4x {
         self.misuse.take()
     }
 
-    /// Restarts the sensor, since its supply came on at `at` (ns).
+    /// Restarts the sensor, because its supply came on at `at` (ns).
     pub fn power_on(&mut self, at: u64) {
         (self.state, self.data, self.ready_at) = (State::Idle, None, at + STARTS);
     }
@@ -158,7 +158,7 @@ fn words(first: [u8; 2], second: [u8; 2]) -> [u8; 6] {
     [a, b, crc(first), c, d, crc(second)]
 }
 
-/// Whether `bytes` are the six of a measurement, each word with its CRC.
+/// Whether `bytes` are the six bytes of a measurement, each word with its CRC.
 pub(super) fn is_measurement(bytes: &[u8]) -> bool {
     let is_right = |word: &[u8]| crc([word[0], word[1]]) == word[2];
     bytes.len() == 6 && bytes.chunks(3).all(is_right)

@@ -17,7 +17,8 @@ type Chart<'a> = ChartContext<'a, SVGBackend<'a>, Cartesian2d<RangedCoordf64, Ra
 const WIDTH: u32 = 1_000;
 const TRACK_HEIGHT: u32 = 720;
 const PANEL_HEIGHT: u32 = 280;
-/// The greatest number of points of a line. A line in the picture has fewer pixels than this.
+/// The greatest number of points of a line. More points would not be visible, because a line has fewer pixels than
+/// this.
 const MOST_POINTS: usize = 2_000;
 const LEAST_M: f64 = 20.0;
 
@@ -29,7 +30,8 @@ pub(super) struct Drawn {
     pub(super) latency_ms: Option<f64>,
 }
 
-/// The colours of Reported-Position and GPS1 to GPS5, by Okabe and Ito, which colour-blind readers can distinguish.
+/// The colours of Reported-Position and GPS1 to GPS5. They are by Okabe and Ito, and colour-blind readers can
+/// distinguish them.
 const COLOURS: [RGBColor; 1 + profile::MAX_RECEIVERS] = [
     RGBColor(0x00, 0x00, 0x00),
     RGBColor(0x00, 0x72, 0xB2),

@@ -96,8 +96,8 @@ pub struct Ssi {
 pub struct Reported {
     /// The number of HORUS's cycles whose Reported-Position was read with a valid position.
     pub valid_cycles: u64,
-    /// The instant, ns, of the first transaction after the last one that read a valid position; `None` if there is
-    /// none.
+    /// The instant, ns, at which the run's final transactions without a valid position began; `None` if the last
+    /// transaction read a valid position.
     pub invalid_since_ns: Option<u64>,
     /// The instant, ns, at which each receiver's last valid position had arrived at HORUS; `None` without a valid
     /// position.

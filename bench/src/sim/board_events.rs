@@ -122,8 +122,8 @@ impl BoardEvents {
                 if let Fault::DeadTask(_, task) = episode.fault {
                     match interrupt_of(self.side, task) {
                         Some(line) if node.switch_interrupt_off(line) => self.injected(now, episode),
-                        // The firmware has not enabled the task's interrupt yet. It would enable the interrupt during
-                        // its start, so that the task would not be dead.
+                        // The firmware has not enabled the task's interrupt yet. An interrupt that is switched off now
+                        // would be enabled during the start, so the task would not be dead.
                         Some(_) => {}
                         None => self.note(now, no_task(self.side, task)),
                     }
@@ -131,8 +131,8 @@ impl BoardEvents {
                 }
                 if let Fault::Spurious(_, task) = episode.fault {
                     match interrupt_of(self.side, task) {
-                        // The interrupt is raised only if the task begins at once, because a later call of the task
-                        // would hide it.
+                        // The interrupt is raised only if the task then begins at once. Otherwise a later call of the
+                        // task could hide this additional run.
                         Some(line)
                             if node.is_ready_for_interrupts() && !node.is_hung() && node.raise_interrupt(line) =>
                         {

@@ -1,4 +1,4 @@
-//! Runs the whole link with a debugger at one board, which halts the whole run with that board.
+//! Runs the whole link with a debugger at one board. When that board halts, the whole run halts.
 
 use std::io::Write;
 

@@ -53,7 +53,7 @@ pub(super) struct Link<C: Cost> {
     base_faults: Vec<BaseFault>,
     wires: Wires,
     faults: Timeline,
-    /// The present faults of the air, each with the instant (ns) of its beginning. The newest one has an effect.
+    /// The present faults of the air, each with the instant (ns) of its beginning. Only the newest one has an effect.
     air_faults: Vec<(u64, AirFaults)>,
     dpr_events: BoardEvents,
     recorder: Recorder,
@@ -209,14 +209,14 @@ impl<C: Cost> Link<C> {
         self.flight_controller.take_images()
     }
 
-    /// Takes each Port-Status with the base station's uplink that the flight controller has read since the last call,
-    /// and its instant (ns).
+    /// Takes each Port-Status with the base station's uplink that the flight controller has read since the last call.
+    /// Each reading has its instant (ns).
     pub(super) fn take_ports(&mut self) -> Vec<(u64, Vec<u8>)> {
         self.flight_controller.take_ports()
     }
 
-    /// Takes the bytes at the place of the hold's object that the flight controller has read since the last call, each
-    /// with its instant (ns).
+    /// Takes the bytes that the flight controller has read at the place of the hold's object since the last call. Each
+    /// reading has its instant (ns).
     pub(super) fn take_holds(&mut self) -> Vec<(u64, Vec<u8>)> {
         self.flight_controller.take_holds()
     }
@@ -379,7 +379,7 @@ impl<C: Cost> Link<C> {
         }
         seen.extend(node.resets()[self.restarts..].iter().map(|reset| (reset.at, Seen::Restart)));
         self.restarts = node.resets().len();
-        // If both events have the same instant, the rise of FRESH is recorded first.
+        // If FRESH rises at the instant of an event of the SPIS, the rise is recorded first.
         seen.extend(spis.into_iter().map(|(cycle, _, event)| (node.ns(cycle), Seen::Spis(event))));
         seen.sort_by_key(|(at, _)| *at);
         for (at, what) in seen {

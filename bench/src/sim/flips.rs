@@ -169,11 +169,12 @@ fn of_part<C: Cost>(
     }
 }
 
-/// Returns the time, ns, from `at` until valid and new data were read without a further gap, and the number of earlier
-/// readings by the report in Link-Status: link down, faulty front end, neither.
+/// Returns two results. The first is the time, ns, from `at` until valid and new data were read without a further gap.
+/// The second is the number of readings before that, by the report in Link-Status: link down, faulty front end,
+/// neither.
 fn read(events: &[Event], at: u64, end: u64) -> (Option<u64>, [u32; 3]) {
     let mut status: Vec<(u64, LinkStatusBits)> = vec![];
-    // `last` is the instant of the latest new data, and `back` the end of the last gap as a time from the flip.
+    // `last` is the instant of the latest new data. `back` is the time from the flip to the end of the last gap.
     let (mut last, mut back) = (at, Some(0));
     let mut newest = None;
     for event in events {

@@ -9,7 +9,7 @@
 //!   (`field_detect_ns`).
 //! - A chip reacts to a frame only after preamble and sync: 64 bits, or 151 µs.
 //!
-//! Only while the DPR answers are the steps a few microseconds long. Otherwise the hold is 150 µs ahead.
+//! While the DPR answers, the steps are only a few microseconds long. Otherwise the hold is 150 µs ahead.
 
 use std::sync::Arc;
 
@@ -221,7 +221,8 @@ impl<C: Cost> Beside<C> {
         dpr: &mut Node<Dpr, C>,
         recorder: &mut Recorder,
     ) {
-        // A fault begins at the later of the instants of the DPR and the hold.
+        // A fault begins at the instant that the DPR has reached, or at the one that the hold has reached, whichever is
+        // later.
         let from = at.max(self.node.now());
         match *fault {
             HoldFault::Frames(way) => {

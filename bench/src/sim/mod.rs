@@ -56,8 +56,8 @@ use upstream::Receivers;
 /// The interval at which the caller receives the run's progress and the log lines, virtual ns.
 const STEP: u64 = 10_000_000;
 
-/// The shortest time, ns, from the end of a piece of the run to a fault that is then added. A board may exceed that end
-/// by its last instruction.
+/// The shortest time, ns, from the end of a piece of the run to the beginning of a fault that is added there. The last
+/// instruction of a board may exceed the end of the piece.
 pub const AHEAD_NS: u64 = 100_000;
 
 /// The two firmwares' ELF files.
@@ -219,13 +219,13 @@ pub trait Observer {
         let _ = (virtual_ns, port);
     }
 
-    /// The flight controller has read the 64 bytes at the place of the hold's object, which may be vacant. This is
+    /// The flight controller has read the 64 bytes at the place of the hold's object. The place may be vacant. This is
     /// called only with a hold and with [`Setup::writes`].
     fn hold(&mut self, virtual_ns: u64, object: &[u8]) {
         let _ = (virtual_ns, object);
     }
 
-    /// Returns an uplink of the base station that has arrived by radio, if any. It is called after
+    /// Returns an uplink of the base station that has arrived by radio, if any. This is called after
     /// [`progress`](Self::progress).
     fn uplink(&mut self, virtual_ns: u64) -> Option<Uplink> {
         let _ = virtual_ns;
@@ -243,12 +243,12 @@ pub trait Observer {
         u64::MAX
     }
 
-    /// Whether the run ends now. It is called after each piece of the run.
+    /// Whether the run ends now. This is called after each piece of the run.
     fn ends(&mut self) -> bool {
         false
     }
 
-    /// Returns faults to add to the run. It is called after each piece, which ended at `virtual_ns`. No episode may
+    /// Returns faults to add to the run. This is called after each piece, which ended at `virtual_ns`. No episode may
     /// begin earlier than [`AHEAD_NS`] after that instant.
     fn faults(&mut self, virtual_ns: u64) -> Faults {
         let _ = virtual_ns;

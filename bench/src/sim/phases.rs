@@ -163,7 +163,8 @@ impl Sweeping {
         self.durations.insert(len, took);
     }
 
-    /// Returns the transactions around the end of a frame that began at `at`: edge, its instant (ns), number of bytes.
+    /// Returns the transactions around the end of a frame that began at `at`. Each has its placed edge, the instant of
+    /// that edge (ns), and the number of bytes.
     pub(super) fn frame_started(&mut self, at: u64, len: u8) -> Vec<(Edge, u64, Option<usize>)> {
         let Some(&took) = self.durations.get(&len).filter(|_| len == self.target) else { return vec![] };
         let Some((phase_ns, pattern)) = self.sweep.at(self.cycle) else { return vec![] };

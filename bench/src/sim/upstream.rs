@@ -64,7 +64,7 @@ impl Feed {
         burst
     }
 
-    /// Passes a byte to the receiver that HORUS has sent and that had arrived by `at` (ns); `None` stands for an
+    /// Passes a byte that HORUS has sent, and that had arrived by `at` (ns), to the receiver; `None` stands for an
     /// unreadable byte.
     fn hear(&mut self, at: u64, byte: Option<u8>) {
         if at < self.deaf_until {
@@ -92,8 +92,8 @@ impl Feed {
 #[derive(Clone, Debug)]
 pub(super) struct Receivers {
     feeds: Vec<Feed>,
-    /// The settings of each receiver that were last logged: the number of its dynamic model, and whether it sends
-    /// positions.
+    /// The settings of each receiver that were last logged: the number of its dynamic model, and whether the receiver
+    /// sends positions.
     settings: Vec<Option<(u8, bool)>>,
     lines: LineFaults,
     faults: Timeline,

@@ -72,7 +72,7 @@ impl Trace {
         Ok(Self { file, signals })
     }
 
-    /// Takes changes for the trace, which may be slightly out of order.
+    /// Takes changes for the trace. They may be slightly out of order.
     pub fn take(&mut self, marks: impl IntoIterator<Item = Mark>) {
         for mark in marks {
             match mark {

@@ -116,7 +116,7 @@ pub struct Bus {
     pub(super) cs: Wire,
     pub(super) mosi_byte: Word,
     pub(super) miso_byte: Word,
-    /// Whether data change on the rising edge of the clock, as in SPI mode 1, or before it, as in mode 0.
+    /// Whether data change on the rising edge of the clock, as in SPI mode 1. In mode 0 data change before that edge.
     pub(super) changes_on_rise: bool,
 }
 

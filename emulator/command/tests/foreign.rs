@@ -130,7 +130,8 @@ fn scripted(part: &Part, name: &str, script: &str, arguments: &[&str]) -> (Optio
     run(part, &[&["--script", &name], arguments].concat())
 }
 
-/// Returns the example script in the command's README, whose first line is `drive`, indented by four blanks.
+/// Returns the example script that stands in the command's README, indented by four blanks. The script's first line is
+/// `drive`.
 fn readme() -> String {
     let lines = include_str!("../README.md").lines().skip_while(|line| !line.starts_with("    drive"));
     lines.map_while(|line| line.strip_prefix("    ")).collect::<Vec<_>>().join("\n")

@@ -129,7 +129,8 @@ pub struct Core<C: Cost> {
     pub(crate) owed: u64,
     /// The cycle at which lazy preservation last saved the floating-point state.
     pub(crate) preserved_fp: u64,
-    /// N, Z, C and V before an instruction in an IT block that must leave them as they are.
+    /// The flags N, Z, C and V before the present instruction. In an IT block some instructions must leave these flags
+    /// as they are.
     pub(crate) kept_flags: Flags,
     /// The address of the last word of code that was fetched, from which wait states are counted. An odd value means
     /// that there is none.

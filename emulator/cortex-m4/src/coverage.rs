@@ -98,8 +98,8 @@ pub enum Flow {
     /// Execution goes on at an address that the instruction alone does not tell: a return, or a jump to a register's
     /// value.
     Elsewhere,
-    /// Execution goes on at the next instruction, which begins an IT block of one to four. The value is the state for
-    /// [`conditional`].
+    /// Execution goes on at the next instruction, which begins an IT block of one to four instructions. The value is
+    /// the state for [`conditional`].
     Block(u8),
     /// Execution goes nowhere: the encoding is undefined or is `BKPT`, so the instruction faults.
     Stop,
@@ -158,7 +158,7 @@ impl<C: Cost> Core<C> {
         self.record = record;
     }
 
-    /// The outcome of the condition of the instruction `op`, which comes next; `None` if it has none.
+    /// The outcome of the condition of the next instruction, `op`; `None` if `op` has no condition.
     fn outcome(&self, op: &Op) -> Option<bool> {
         if self.it != 0 {
             return conditional(self.it).0.then(|| self.passes(self.it >> 4));

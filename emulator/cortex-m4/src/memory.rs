@@ -31,7 +31,8 @@ const fn sized(bytes: u8) -> Width {
     }
 }
 
-/// Whether `address` may be a bit-band alias or in the core's own space. True for some other addresses as well.
+/// Whether `address` may be a bit-band alias or in the core's own space. The result is true for some other addresses as
+/// well.
 #[inline(always)]
 const fn is_special(address: u32) -> bool {
     address >= PRIVATE || address & 0x9E00_0000 == 0x0200_0000

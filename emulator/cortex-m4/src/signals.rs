@@ -24,7 +24,7 @@ impl Signals {
         self.changed = true;
     }
 
-    /// Announces that [`crate::Bus::due`] moved and nothing else changed. It costs the core less than
+    /// Announces that [`crate::Bus::due`] moved and nothing else changed. This call costs the core less than
     /// [`Signals::announce`].
     #[inline]
     pub fn announce_due(&mut self) {

@@ -27,7 +27,7 @@ pub enum Scheduled {
     /// The handler of the active exception has ended, and the core begins to return from it.
     Exit,
     /// PRIMASK, BASEPRI or FAULTMASK changed: exceptions of this priority and of less urgent ones, which have higher
-    /// numbers, are held back from now on. 256 if none is.
+    /// numbers, are held back from now on. The value is 256 if no exception is held back.
     Masked(i16),
     /// The core was reset.
     Reset,
@@ -57,8 +57,8 @@ impl Watch {
     }
 
     /// Completes the record after a burst up to `cycle`. `before` is the number of changes that were recorded before
-    /// the burst. A change ends a burst, so at most one is new. Its cycle is known only now, because an instruction's
-    /// cycles are counted after its execution.
+    /// the burst. A change ends a burst, so at most one change is new. The cycle of the new change is known only now,
+    /// because an instruction's cycles are counted after its execution.
     #[inline]
     pub(crate) fn complete(&mut self, (before, scheduled): (usize, usize), cycle: u64) {
         if self.record.len() > before

@@ -1,5 +1,5 @@
 //! Tests of the record of the active exception. Each handler, and the code returned to, begins with a store to the
-//! device. The device logs the cycle of the store, which the record must have too.
+//! device. The device logs the cycle of the store. The record must have the same cycle.
 
 use crate::common;
 

@@ -1,8 +1,9 @@
 //! What is wired around a microcontroller.
 //!
 //! A node tells its [`Board`] what the part does to pins and buses ([`emulator_part::Outside`], with instants in
-//! nanoseconds). [`Board::settle`] returns what the board's chips do to the part's pins. The node calls it after every
-//! call that reaches the board and at [`Board::next_event`], and the part gets the result at that same instant.
+//! nanoseconds). [`Board::settle`] returns what the board's chips do to the part's pins. The node calls
+//! [`Board::settle`] after every call that reaches the board and at [`Board::next_event`], and the part gets the result
+//! at that same instant.
 
 use std::fmt::Debug;
 use std::marker::PhantomData;

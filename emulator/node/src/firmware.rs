@@ -288,7 +288,7 @@ impl Firmware {
                 let raw = function.raw_name().ok()?;
                 Some(format!("{:#}", rustc_demangle::demangle(&raw)))
             });
-            // An outer frame exists, so the function of the frame found before is inlined into it.
+            // If there is an outer frame, the function of the inner frame is inlined into the outer frame's function.
             if let (Some(found), true) = (&mut found, outermost.is_some()) {
                 found.inlined = found.inlined.take().or_else(|| found.function.take());
             }
@@ -304,8 +304,8 @@ impl Firmware {
             }
             outermost = function;
         }
-        // The debug information still has code that the linker removed, at address 0. On a part whose flash begins at 0
-        // it would hide the code that is there.
+        // The debug information still has code that the linker removed, at address 0. On a part whose flash begins at
+        // 0, the removed code would hide the code that is there.
         let start = self.function_at(address)?.start;
         let is_there = |name: &String| {
             let bare = |name: &str| name.rsplit("::").next().unwrap_or_default().to_owned();
@@ -323,7 +323,7 @@ impl Firmware {
 struct Source {
     /// The name of the function that contains the instruction, if the image has it.
     function: Option<String>,
-    /// The name of the containing function, if it was inlined into another one.
+    /// The name of the function that contains the instruction, if that function was inlined into another one.
     inlined: Option<String>,
     line: String,
 }

@@ -69,8 +69,8 @@ pub(crate) fn count<P: Part>(part: &P, block: u64) -> Result<u64, RttFault> {
     }
 }
 
-/// Finds a control block in RAM, for an image whose symbols do not give its address. It is the first one with the magic
-/// at a multiple of four and a possible number of channels.
+/// Finds the control block in RAM, for an image whose symbols do not have the block's address. The control block is the
+/// first place with the magic, at a multiple of four, and a possible number of channels.
 pub(crate) fn find<P: Part>(part: &P) -> Option<u64> {
     P::RAM.iter().find_map(|&(start, size)| {
         let bytes = part.memory(start, size)?;

@@ -38,8 +38,8 @@ pub(super) struct Side<B: Board> {
     idle: u64,
     /// The cycle since which the core has executed nothing; `None` while it executes.
     idle_from: Option<Cycle>,
-    /// The cycle after which nothing outside the core may happen yet, because an actor beside the board may act at that
-    /// cycle. `horizon_ns` is the same instant.
+    /// The cycle beyond which nothing outside the core may be simulated yet, because an actor beside the board may act
+    /// at that cycle. `horizon_ns` is the same instant.
     pub(super) horizon: Cycle,
     pub(super) horizon_ns: u64,
     /// Whether an actor has acted on the board since the core last ran. The core may then have to wake.
@@ -136,7 +136,7 @@ impl<B: Board> Side<B> {
         }
     }
 
-    /// Takes over the part's findings, clock, reset request and interrupt lines after it announced a change.
+    /// Reads the part's new findings, clock, reset request and interrupt lines, after the part has announced a change.
     pub(super) fn changed(&mut self, at: Cycle) {
         // Findings are taken before a change of rate, because their cycles are counted at the old rate.
         let found = self.part.findings();

@@ -46,7 +46,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.schedule = on.then(Vec::new);
     }
 
-    /// Takes the events that decide which exception runs since the last call, each with its instant (virtual ns), in
+    /// Takes the events since the last call that decide which exception runs, each with its instant (virtual ns), in
     /// order. Empty if they are not recorded.
     pub fn take_schedule(&mut self) -> Vec<(u64, Scheduled)> {
         self.note_tasks();
@@ -147,7 +147,8 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
-    /// Takes over the core's record of active exceptions, before the core's clock changes.
+    /// Moves what the core has recorded about exceptions into the node. This must be done before the core's clock
+    /// changes, because cycles are converted into instants by the present clock.
     pub(super) fn note_tasks(&mut self) {
         let side = &self.side;
         if let Some(schedule) = &mut self.schedule {

@@ -60,7 +60,7 @@ pub(crate) enum Act {
     Convert,
     /// The comparator needs the voltages of its inputs.
     Compare,
-    /// The semaphore of an SPIS changed, or a transaction ended. The record is for the outside.
+    /// The semaphore of an SPIS changed, or a transaction ended. This act only informs the outside of the part.
     Spis {
         id: Id,
         event: SpisEvent,
@@ -97,7 +97,8 @@ pub(crate) struct Outbox {
 }
 
 impl Outbox {
-    /// Reports `what` at `place`. If the finding is known, only its count increases, and it keeps its first value.
+    /// Reports `what` at `place`. If the finding is known, only its count increases, and the finding keeps its first
+    /// value.
     #[cold]
     pub(crate) fn find(&mut self, at: Cycle, kind: FindingKind, place: &'static str, what: &'static str, value: u32) {
         if let Some(n) = self.known.iter().position(|known| *known == (kind, place, what)) {

@@ -289,7 +289,7 @@ impl Instance for ClockPower {
         match offset {
             0x400 => self.reset_reason &= !value,
             0x408 | 0x40C | 0x414 | 0x418 | 0x41C | 0x428 | 0x438 | 0x640 => {}
-            // Firmware cannot open a debug port that is closed before the next reset.
+            // Once the debug port is closed, firmware cannot open it before the next reset.
             APPROTECT_FORCEPROTECT if self.plain(APPROTECT_FORCEPROTECT) == 0 => {}
             0x500 if value & 1 != 0 => cx.act(Act::Off),
             0x500 => {}

@@ -7,8 +7,8 @@
 //! | the four loads of DECODER, REFRESH, ENDDELAY, LOOP; EasyDMA reads a step as its period begins | 6.17 |
 //! | the polarity bit; each edge at its own tick on the pins of PSEL.OUT | 6.17 |
 //!
-//! The PS demands that the pins are outputs (6.17, *Pin configuration*). Another pin is not driven, which is a finding.
-//! After a sequence its last step goes on until STOP (PS 6.17).
+//! The PS demands that the pins are outputs (6.17, *Pin configuration*). A pin that is no output is not driven, which
+//! is a finding. After the end of a sequence, its last step goes on until STOP (PS 6.17).
 //!
 //! Left out: COUNTERTOP, MODE and PRESCALER take effect only when a period begins.
 use crate::clocks::{CYCLES_PER_TICK, Clocks};

@@ -6,8 +6,8 @@
 //! | TICK, OVRFLW, COMPARE\[n\], each only while EVTEN or INTEN enables it | 6.22 |
 //! | a compare register written with the present count or the next one matches only after a wrap | 6.22 |
 //!
-//! A task takes effect at the present LFCLK tick. The part takes one to two ticks more, so CC = COUNTER + 1 sometimes
-//! matches there. Here it never matches and is a finding, since firmware must not rely on it.
+//! A task takes effect at the present LFCLK tick. The part takes one to two ticks more, so that CC = COUNTER + 1
+//! sometimes matches there. Here CC = COUNTER + 1 never matches and is a finding, since firmware must not rely on it.
 //!
 //! Left out: the jitter of the CPU's tasks against LFCLK (PS 6.22).
 use crate::clocks::Clocks;
@@ -92,8 +92,8 @@ impl Rtc {
         });
     }
 
-    /// Carries out the events that are due now. A task or a write at the same instant would skip them, so this comes
-    /// first.
+    /// Carries out the events that are due now. A task or a write at the same instant comes later, because it would
+    /// skip these events.
     fn catch_up(&mut self, cx: &mut Cx<'_>) {
         if self.next.is_some_and(|at| at <= cx.now) {
             self.due(cx);
@@ -172,7 +172,8 @@ impl Instance for Rtc {
 
     fn configured(&mut self, cx: &mut Cx<'_>) {
         if cx.clocks.lf.is_some() != self.clocked {
-            // The counter goes on from its held value, because LFCLK has stopped, or counts its ticks from zero again.
+            // LFCLK has stopped, or has started and counts its ticks from zero again. The counter goes on from its held
+            // value.
             self.load(self.held, cx);
         }
         self.arm(cx);

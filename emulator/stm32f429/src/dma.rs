@@ -117,7 +117,7 @@ pub(crate) struct Stream {
     m1ar: u32,
     fcr: u32,
     pub(crate) flags: u8,
-    /// The number of items of a whole transfer, which reloads NDTR in circular mode.
+    /// The number of items of a whole transfer. In circular mode NDTR is reloaded with this number.
     total: u32,
     pub(crate) left: u32,
     pub(crate) peripheral: u32,
@@ -239,8 +239,8 @@ impl Stream {
         self.par
     }
 
-    /// Whether the stream is on and moves single bytes between memory and one register without its FIFO. `to_memory` is
-    /// the direction to look for.
+    /// Whether the stream is on and moves single bytes between memory and one register, in the direction that
+    /// `to_memory` gives, without its FIFO.
     pub(crate) fn moves_bytes(&self, to_memory: bool) -> bool {
         let direction = if to_memory { Direction::FromPeripheral } else { Direction::ToPeripheral };
         self.is_on()
@@ -250,7 +250,7 @@ impl Stream {
             && self.cr & PINC == 0
     }
 
-    /// Whether the next item is neither the last of the transfer nor the one at its half. A stream of
+    /// Whether the next item completes neither the transfer nor the first half of it. A stream of
     /// [`Stream::moves_bytes`] then holds no data if it receives, and one byte if it sends.
     #[inline]
     pub(crate) fn is_amid(&self) -> bool {

@@ -228,8 +228,9 @@ const GROUPS: usize = id::SCHEDULED.div_ceil(8);
 
 const MOST_FINDINGS: usize = 200;
 
-/// The maximum number of DMA transfers at one cycle. A request may never end, such as a circular stream to a register
-/// that does not clear it. Its controller then pauses for [`TRANSFER_CYCLES`] per transfer.
+/// The maximum number of DMA transfers at one cycle. A request may never end, for example that of a circular stream to
+/// a register whose access does not clear the request. After this number of transfers the stream's controller pauses
+/// for [`TRANSFER_CYCLES`] per transfer.
 const MOST_TRANSFERS: u32 = 64;
 
 /// The cycles of one DMA transfer if a request never ends. AN4031 ("DMA latency") counts a few cycles for arbitration

@@ -19,7 +19,8 @@ impl Part for Stm32f429 {
             // PM0214 4.3 states four priority bits.
             priority_bits: 4,
             vector_table: 0,
-            // The calibration value 18750 is 1 ms at HCLK/8 of 150 MHz (RM0090 12.1.2). SKEW says that it is not exact.
+            // The calibration value 18750 is 1 ms at HCLK/8 of 150 MHz (RM0090 12.1.2). SKEW says that this value is
+            // not exact.
             systick_calibration: 0x4000_0000 | 18_750,
             systick_reference: 8,
             mpu_regions: 8,

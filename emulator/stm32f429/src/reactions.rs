@@ -136,7 +136,7 @@ impl Stm32f429 {
         }
     }
 
-    /// Determines for each instance which of its requests streams serve.
+    /// Determines, for each instance, which of its requests are served by streams.
     pub(crate) fn listen(&mut self) {
         self.listened = [0; id::SCHEDULED];
         for (dma, listening) in self.dma.iter().zip(&mut self.listening) {

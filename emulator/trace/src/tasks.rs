@@ -80,7 +80,7 @@ const SYSTEM: [(u16, &str); 9] = [
     (15, "SysTick"),
 ];
 
-/// A watch on the tasks of a board, which can be cloned with the board.
+/// A watch on the tasks of a board. It can be cloned with the board.
 #[derive(Clone, Debug)]
 pub struct TaskWatch {
     tasks: Vec<Task>,
@@ -90,8 +90,8 @@ pub struct TaskWatch {
 }
 
 impl TaskWatch {
-    /// Watches each task in `table` (name, vector) for which the program has a function with the vector's name, and the
-    /// vector leads to it.
+    /// Watches each task in `table` (name, vector) for which the program has a function with the vector's name, if the
+    /// vector leads to that function.
     #[must_use]
     pub fn new(node: &mut dyn AnyNode, table: &[(&'static str, &'static str)]) -> Self {
         node.watch_tasks(true);

@@ -181,7 +181,7 @@ impl Patrol {
         self.ram.restart();
     }
 
-    /// Does one slice of the patrol. Its work is the same as long as memory holds what it should hold.
+    /// Does one slice of the patrol. Every slice does the same work, unless memory differs from what it should hold.
     pub fn slice(&mut self, memory: &mut impl Memory) -> Slice {
         let guard = self.guards.changed(memory);
         let flash = self.flash(memory);

@@ -10,8 +10,8 @@ use crate::memory::{self, address};
 pub struct PartMemory(());
 
 impl PartMemory {
-    /// Returns the access to memory. To be called once, in thread mode with no interrupt masked, as every slice of the
-    /// patrol is.
+    /// Returns the access to memory. To be called once. This call and every slice of the patrol must be in thread mode
+    /// with no interrupt masked.
     #[must_use]
     pub fn take() -> Self {
         Self(())

@@ -1,8 +1,8 @@
 //! Tapes: a flight controller's actions and the DPR's answers, which a test plays to the client in Rust and in C.
 //!
 //! A tape is a row of steps; all numbers are little-endian. The client writes one line for each step, and several for a
-//! view of the read objects; `profile/c/tests/tape.c` writes the same lines for the C client. Any bytes are a tape,
-//! which ends at an incomplete step.
+//! view of the read objects; `profile/c/tests/tape.c` writes the same lines for the C client. Any bytes are a tape; the
+//! tape ends at the first incomplete step.
 //!
 //! | first byte, modulo 10 | step | what follows it |
 //! |---|---|---|

@@ -15,8 +15,8 @@ fn answered(recording: &str, head: &str) -> u8 {
     u8::from_str_radix(last, 16).expect("a hexadecimal byte")
 }
 
-/// Returns the public recording of every register of a real ST25R3916. `None` if it is not available, which a build
-/// server (`CI` set) does not allow.
+/// Returns the public recording of every register of a real ST25R3916. `None` if it is not available; on a build server
+/// (`CI` set) the test fails then.
 fn recording() -> Option<String> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../../shared/data/st25r3916-silicon/Read_All_Registers_SpaceA_B.txt");

@@ -223,8 +223,8 @@ fn a_second_answer_is_never_mixed_with_the_first() {
                 overrun += u32::from(event == OVERRUN);
             }
         }
-        // A sync that comes while the driver reads an answer empties the FIFO, which the stand-in counts as misuse by
-        // the driver.
+        // A sync that comes while the driver reads an answer empties the FIFO. The stand-in counts a read from an empty
+        // FIFO as misuse.
         rig.chip.misuse.clear();
         works_again(&mut rig, &mut machine);
     }
@@ -294,7 +294,7 @@ fn faults_within_the_window_are_told_and_recovered_from() {
             assert_eq!(event, ExchangeEvent::Fault(fault), "step {at}");
             assert_eq!((machine.state(), machine.poller_state()), (ExchangeState::Polling, PollerState::Faulted));
             rig.chip.miso = Miso::Driven;
-            // The driver reads an answer after the stand-in's oscillator has stopped, which the stand-in counts as
+            // The driver reads an answer after the stand-in's oscillator has stopped. The stand-in counts this read as
             // misuse.
             rig.chip.misuse.clear();
             works_again(&mut rig, &mut machine);

@@ -458,7 +458,7 @@ fn a_sync_just_before_the_clear_costs_at_most_its_own_frame() {
                     assert_eq!(len, 120);
                     assert_eq!(rig.buffer[1..=120], payload(120, 2));
                 }
-                // The listener's command to clear the FIFO has damaged the frame, which the frame's flags show.
+                // The listener's command to clear the FIFO has damaged the frame. The frame's flags show the damage.
                 ListenerEvent::Frame { flags, .. } => assert!(flags.contains(FrameFlags::LENGTH)),
                 other => assert!(matches!(other, ListenerEvent::Dropped(_)), "{other:?}"),
             }

@@ -20,14 +20,14 @@ pub(crate) const EON: u8 = 0x10;
 pub(crate) const EOF: u8 = 0x08;
 pub(crate) const CRC: u8 = 0x80;
 
-/// An event in the chip at a planned instant, which no access by the driver causes.
+/// An event in the chip at a planned instant. No access by the driver causes it.
 #[derive(Clone, Debug)]
 pub(crate) enum Happening {
     Irq(usize, u8),
     Measured(u8),
     /// The sync of a frame is received, if the receiver is on and unmasked.
     Sync,
-    /// A byte arrives of the frame whose sync was accepted.
+    /// A byte of the frame whose sync was accepted arrives.
     Byte(u8),
     /// The frame whose sync was accepted ends, with these error bits.
     End(u8),
@@ -221,7 +221,7 @@ impl Chip {
             && self.b[0x0C..=0x0D] == [0x54, 0x00]
     }
 
-    /// Whether a direct command is in progress whose end raises I_dct.
+    /// Whether a direct command that raises I_dct at its end is in progress.
     fn is_busy(&self) -> bool {
         self.schedule.values().any(|what| matches!(what, Happening::Irq(TIMER, 0x80)))
     }

@@ -105,7 +105,7 @@ fn is_from_here(headers: &HeaderMap) -> bool {
     }
 }
 
-/// Answers `POST /break?what=CODE&seconds=N`: begins a fault. Without seconds it lasts until the user ends it.
+/// Answers `POST /break?what=CODE&seconds=N`: begins a fault. Without seconds the fault lasts until the user ends it.
 async fn break_thing(State(panel): State<Panel>, headers: HeaderMap, RawQuery(query): RawQuery) -> Response {
     if !is_from_here(&headers) {
         return (StatusCode::FORBIDDEN, "this is for the panel's own page").into_response();

@@ -10,8 +10,8 @@
 //! | nRF52840 | fed between the probe's transfers ([`fed`]) | soft resets do not end it, nothing stops it (PS v1.7) |
 //! | STM32F429 | a halt stops it (DBG_IWDG_STOP) | a reset ends it; HORUS clears that bit (RM0090, 38.16.4) |
 //!
-//! The core is halted before the watchdog is handled, because a running or half-written firmware would undo the
-//! measure.
+//! The core is halted before the watchdog is handled, because a running or half-written firmware would undo what is
+//! done to the watchdog.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

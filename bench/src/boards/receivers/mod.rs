@@ -1,4 +1,4 @@
-//! The receivers' interfaces on the HORUS board, which connect a receiver's stream of messages to the pins of the
+//! The receivers' interfaces on the HORUS board. They connect a receiver's stream of messages to the pins of the
 //! microcontroller.
 //!
 //! | file | interface | receivers | source |
@@ -46,8 +46,7 @@ pub const BUFFER: usize = 4096;
 /// The time without communication after which a receiver puts no more messages into its output buffer, ns.
 pub const FORSAKEN: u64 = 2_000_000_000;
 
-/// The time, ns, after the first byte of a bus transaction, at which the transaction counts as abandoned if it has not
-/// ended.
+/// A bus transaction that has not ended within this time after its first byte counts as abandoned, ns.
 pub const ABANDONED: u64 = 50_000_000;
 
 #[derive(Clone, Debug, Default)]
@@ -86,7 +85,7 @@ impl Outbox {
     }
 }
 
-/// Returns the length of the UBX message at the start of `bytes`, or of what precedes the first message.
+/// Returns the length of the UBX message at the start of `bytes`, or of the bytes before the first message.
 fn message_at_start_of(bytes: &[u8]) -> usize {
     match ubx::Frame::at_start_of(bytes) {
         Some(frame) => frame.wire_len(),
@@ -103,7 +102,7 @@ pub struct SentByte {
     pub at: u64,
     /// The receiver's index, from 0.
     pub receiver: usize,
-    /// The byte; `None` if the receiver cannot read it, which breaks the message that it belongs to.
+    /// The byte; `None` if the receiver cannot read it. The message of an unreadable byte is broken.
     pub byte: Option<u8>,
 }
 
@@ -121,8 +120,8 @@ pub struct Receivers {
     attended: bool,
     heard: Vec<SentByte>,
     read: Vec<ReadBytes>,
-    /// The first misuse of each kind of a receiver by the microcontroller, against the data sheet, with its instant,
-    /// ns.
+    /// The first misuse of each kind, by which the microcontroller violated a receiver's data sheet: its instant, ns,
+    /// and its description.
     misuses: Vec<(u64, String)>,
     told: Vec<(usize, &'static str)>,
     next: u64,
@@ -232,8 +231,8 @@ impl Receivers {
         std::mem::take(&mut self.read)
     }
 
-    /// The instant, ns, at which the oldest bus transaction began that [`Receivers::take_read`] has yet to return;
-    /// `u64::MAX` for none.
+    /// The instant, ns, at which the oldest bus transaction began among those that [`Receivers::take_read`] has yet to
+    /// return; `u64::MAX` for none.
     #[must_use]
     pub fn untold_since(&self) -> u64 {
         let of = |interface: &Interface| match interface {

@@ -1,6 +1,7 @@
 //! Traffic of a receiver's bus in the event log's form: groups of bytes that follow one another without a gap.
 
-/// The tolerance, ns, of the end of a byte in a group of equally long bytes, because ends are rounded to whole ns.
+/// The ends of bytes are rounded to whole ns. So in a group of equally long bytes, the end of a byte may deviate by
+/// this much, ns.
 const ROUNDING: u64 = 40;
 
 /// Bytes of a receiver that HORUS's microcontroller read over a bus without a gap between them.

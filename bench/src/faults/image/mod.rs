@@ -1,7 +1,7 @@
 //! Damage to the code or the variables of a program in a board's memory.
 //!
 //! [`ImageFault::apply`] damages a board's memory while its core runs, as a debugger could, and returns the [`Repair`].
-//! [`rewrite()`] changes stores to peripheral registers, which a [`Recording`] of the program has found.
+//! [`rewrite()`] changes the stores to peripheral registers that a [`Recording`] of the program has found.
 
 mod constant;
 mod record;
@@ -34,7 +34,7 @@ pub enum ImageFault {
         /// The bytes that the variable holds at the offset while it is damaged.
         bytes: Vec<u8>,
     },
-    /// A sequence of bytes in a function's code or literals, which must occur there once, is replaced.
+    /// A sequence of bytes, which must occur exactly once in a function's code and literals, is replaced.
     Replaced {
         /// The function: the symbol of a handler, or the end of a function's path.
         function: String,
@@ -158,8 +158,8 @@ impl Repair {
     }
 }
 
-/// Returns the other address of code that the firmware copies from flash to RAM: that in RAM for one in flash, and the
-/// reverse.
+/// Returns the second address of code that the firmware copies from flash to RAM. For an address in flash it is the one
+/// in RAM, and for an address in RAM the one in flash.
 fn twin<B: Board, C: Cost>(node: &Node<B, C>, address: u64) -> Option<u64> {
     let [start, end, load] = ["__shot", "__ehot", "__sihot"].map(|symbol| node.address_of(symbol).ok());
     let (start, end, load) = (start?, end?, load?);

@@ -111,8 +111,8 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Runs `node` to `until` (ns) and records its stores. Calls `drain` after every step, which must take the signals
-    /// of the board.
+    /// Runs `node` to `until` (ns) and records its stores. Calls `drain` after every step. `drain` must take the
+    /// signals of the board.
     #[must_use]
     pub fn of<B: Board, C: Cost>(node: &mut Node<B, C>, until: u64, drain: impl FnMut(&mut Node<B, C>)) -> Self {
         let mut recording = Self::default();

@@ -22,7 +22,7 @@ use super::seal;
 use emulator_node::{Board, Error, Node};
 
 const ALIGNED: u32 = 0x100;
-/// The distance, bytes, from a store within which branches to it are searched for. No task has more code.
+/// Branches to a store are searched for within this distance, bytes, of the store. No task has more code.
 const NEAR: u32 = 0x2000;
 
 /// A change of all stores of a program to one register.
@@ -382,8 +382,8 @@ pub fn rewrite<B: Board, C: Cost>(
             skip = Some(stubs.hole());
             site - 2
         } else if narrow && (targets.contains(&(site + 2)) || !can_move(node, site + 2)) {
-            // An instruction after the store that is a branch target or cannot be moved stays, and the one before the
-            // store is moved.
+            // A branch takes four bytes, and this store has two. If the next instruction is a branch target or cannot
+            // be moved, the branch replaces the previous one instead.
             recording.before[&site]
         } else {
             site

@@ -98,7 +98,7 @@ pub enum ReceiverFault {
         /// The error of the forward acceleration, cm/s².
         cm_s2: i32,
     },
-    /// The receiver states the accuracy [`UNDERSTATED_MM`], although its error is larger.
+    /// The receiver states the accuracy [`UNDERSTATED_MM`], although the error of its position is larger.
     Understates,
     /// A field of the receiver's NAV-PVT messages has an impossible value.
     Absurd(Absurd),
@@ -114,7 +114,7 @@ pub enum ReceiverFault {
     BadChecksums,
     /// The receiver has its factory settings (NMEA, 1 Hz, 38 400 bit/s) until HORUS configures it.
     LosesSettings,
-    /// The receiver loses its configured dynamic model, which HORUS cannot detect.
+    /// The receiver loses its configured dynamic model. HORUS cannot detect this.
     ForgetsModel,
     /// The receiver's bus has a fault.
     Bus(BusFault),
@@ -133,7 +133,7 @@ pub enum Absurd {
     Speed,
     /// The accuracy is 0, which no receiver has.
     NoAccuracy,
-    /// The accuracy is 4295 km, the greatest value that the field can hold, which is useless.
+    /// The accuracy is 4295 km, the greatest value that the field can hold. It makes the position useless.
     HugeAccuracy,
 }
 
@@ -282,7 +282,7 @@ struct Active {
 
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Line {
-    /// The present faults. The last one has an effect.
+    /// The present faults. Only the last of them has an effect.
     faults: Vec<Active>,
     last_itow: Option<u32>,
     /// The position in the receiver's last burst without a fault: longitude, latitude and height, in the units of
@@ -332,7 +332,7 @@ impl LineFaults {
         line.faults.push(Active { fault, at, until, next });
     }
 
-    /// Ends `fault`, except for bursts that it has delayed, which are still sent.
+    /// Ends `fault`. Bursts that the fault has delayed are still sent.
     pub fn end(&mut self, receiver: usize, fault: ReceiverFault) {
         let faults = &mut self.line(receiver).faults;
         if let Some(index) = faults.iter().position(|active| active.fault == fault) {
@@ -473,7 +473,7 @@ impl LineFaults {
             let bytes: Vec<u8> = match active.fault {
                 ReceiverFault::Babbles => (0..CHUNK).map(|_| self.rng.byte()).collect(),
                 ReceiverFault::Beginnings => BEGINNING.into_iter().cycle().take(CHUNK).collect(),
-                // The receiver sends MON-VER, which answers a poll of its version and which nobody has requested.
+                // The receiver sends MON-VER, the answer to a poll of its version, although nobody has polled it.
                 _ => ubx::frame(0x0A, 0x04, &[self.rng.byte(); CHUNK - ubx::OVERHEAD]),
             };
             let on_line = OnLine::clean(now, receiver, &bytes);

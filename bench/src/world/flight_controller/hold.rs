@@ -154,7 +154,7 @@ impl HoldUser {
         }
     }
 
-    /// Puts a command into the payload of an uplink of writer `W`, which is written at `own_ms` on the flight
+    /// Puts a command into the payload of an uplink of writer `W`. The uplink is written at `own_ms` on the flight
     /// controller's clock.
     pub fn fill<W: WritesUplink>(&mut self, payload: &mut [u8; Uplink::PAYLOAD], own_ms: u64) {
         if !self.commands {

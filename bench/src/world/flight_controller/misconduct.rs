@@ -106,7 +106,7 @@ impl Misconduct {
         match self.noise.below(5) {
             0 => encode(Request { offset: 4_096, length: 64 }).to_vec(),
             1 => encode(Request { offset: 0, length: 0xFFFF }).to_vec(),
-            // A window is requested that begins within the image and ends beyond it.
+            // The requested window begins within the image and ends beyond it.
             2 => {
                 let offset = below(&mut self.noise, image_len);
                 let length = below(&mut self.noise, 1_000) + 1;
@@ -125,7 +125,8 @@ fn edges(pace: Pace, period_ns: u64) -> Order {
     Order { pace: Pace { setup_ns: low, hold_ns: 0, gap_ns: period_ns - low, ..pace }, ..Order::read(0) }
 }
 
-/// Returns an empty request with an intact uplink object of the flight controller, whose timestamp never changes.
+/// Returns an empty request with an intact uplink object of the flight controller. The object's timestamp never
+/// changes.
 fn uplink() -> Vec<u8> {
     let mut object = vec![];
     object.extend(1_000_u32.to_le_bytes());

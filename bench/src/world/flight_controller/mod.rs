@@ -7,10 +7,10 @@
 //! the instant of its next action on the wires, and [`FlightController::act`] carries that action out through an
 //! [`SsiMaster`].
 //!
-//! The flight controller uses the client that real ones use, [`profile::ssi::client`]. The client determines what each
-//! transaction sends, finds the objects in the answer, and decides whether there is a position to fly by
-//! ([`Reading::report`]). [`Outcome`] is the bench's own evaluation. The flight controller forwards only whole and new
-//! profiles to the base station, unchanged ([`stream`]).
+//! The flight controller uses the client that real flight controllers use, [`profile::ssi::client`]. The client
+//! determines what each transaction sends, finds the objects in the answer, and decides whether there is a position to
+//! fly by ([`Reading::report`]). [`Outcome`] is the bench's own evaluation. The flight controller forwards only whole
+//! and new profiles to the base station, unchanged ([`stream`]).
 //!
 //! While a [`Conduct`] is set, the flight controller misuses the SSI, but still verifies what it reads.
 //!
@@ -82,7 +82,7 @@ pub struct FlightController {
     client: Client,
     /// The reader of the hold's object; `None` without a hold.
     hold: Option<HoldUser>,
-    /// The windows that are requested in the next transactions without another request.
+    /// The windows of the image to request, each in the next transaction that has no other request.
     requests: VecDeque<Request>,
     asked: Option<Request>,
     last: Option<Reading>,
@@ -139,8 +139,9 @@ impl FlightController {
         controller
     }
 
-    /// Requests a window of the image in the next transaction without another request; the following transaction reads
-    /// it. While the DPR is busy the request is repeated. Without a request a transaction reads the whole image.
+    /// Requests a window of the image, in the next transaction that has no other request. The transaction after that
+    /// one reads the window. While the DPR is busy the request is repeated. Without a request a transaction reads the
+    /// whole image.
     ///
     /// # Panics
     ///

@@ -130,7 +130,7 @@ fn a_fast_crystal_gets_there_early_and_a_slow_one_late() {
         rig.controller.next_at()
     };
     assert_eq!(at_cycle_1000(0), 4_000_000_000);
-    // In 4 s an error of 50 ppm adds up to 200 µs, and 10 ns less by its square.
+    // In 4 s a crystal error of 50 ppm adds up to 200 µs. The second-order term of the error is 10 ns.
     assert_eq!(at_cycle_1000(50_000), 4_000_000_000 - 199_990);
     assert_eq!(at_cycle_1000(-50_000), 4_000_000_000 + 200_010);
 }

@@ -18,7 +18,7 @@ pub(crate) enum Done {
 pub(crate) struct Pins {
     pub(crate) now: u64,
     pub(crate) done: Vec<Done>,
-    /// The bytes that each transaction reads on MISO, before zeros.
+    /// The bytes that each transaction reads on MISO. Zeros follow these bytes.
     pub(crate) shown: Vec<u8>,
     pub(crate) quiet: usize,
     index: usize,

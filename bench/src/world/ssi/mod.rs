@@ -9,7 +9,7 @@
 //! accesses the DPR's memory up to 16 µs late. Events are in time, because a group of bytes ends with a byte that
 //! raises an event ([`SsiPort::quiet`]).
 //!
-//! An action on a pin takes effect at the DPR's next instruction boundary. Later actions do not shift with it. The
+//! An action on a pin takes effect at the DPR's next instruction boundary. This does not delay later actions. The
 //! instants in a [`Transaction`] are those at the pin.
 
 use cortex_m4::Cost;

@@ -56,7 +56,7 @@ fn a_run_ends_with_the_byte_that_raises_an_event() {
 #[test]
 fn instants_go_by_the_crystal_from_the_start_on() {
     let crystal = Crystal { ppb: 50_000 };
-    // In 4 s an error of 50 ppm adds up to 200 µs, and 10 ns less by its square.
+    // In 4 s a crystal error of 50 ppm adds up to 200 µs. The second-order term of the error is 10 ns.
     assert_eq!(crystal.by_the_bench(4_000_000_000), 4_000_000_000 - 199_990);
     assert_eq!(Crystal { ppb: -50_000 }.by_the_bench(4_000_000_000), 4_000_000_000 + 200_010);
     let mut master = SsiMaster::new(crystal);
@@ -71,7 +71,7 @@ fn instants_go_by_the_crystal_from_the_start_on() {
 
 #[test]
 fn each_byte_of_a_run_has_its_last_edge() {
-    // The crystal is 2.5 % fast, so that the bytes end before 2, 3, 4 and 5 µs after the start.
+    // The crystal is 2.5 % fast, so each byte ends slightly less than 2, 3, 4 or 5 µs after the start.
     let mut master = SsiMaster::new(Crystal { ppb: 25_000_000 });
     let mut pins = Pins::showing(&[5, 6, 7, 8]);
     master.begin(at(100), Order { mosi: vec![1, 2, 3, 4], ..Order::read(4) });

@@ -13,7 +13,7 @@ struct Sent {
     bytes: Vec<u8>,
     /// The instant of each byte that the firmware sent, ns.
     at: Vec<u64>,
-    /// The number of sent bytes in which the text of the script's present line was already searched for.
+    /// The number of sent bytes that were already searched for the text of the script's present line.
     searched: usize,
 }
 

@@ -8,9 +8,9 @@
 //! | A5.3.18, coprocessors 10 and 11 | [`crate::fp`] |
 //!
 //! The decoder treats every UNPREDICTABLE case of the ARM ARM as undefined, so that it faults. Examples are a stack
-//! pointer or program counter where the encoding does not allow one, write-back into a loaded register, and a branch
-//! inside an IT block that is not its last instruction. The one exception is CMP of two low registers in its form for
-//! high ones, which LLVM emits. Coprocessors other than 10 and 11 take the fault for an absent coprocessor (UFSR.NOCP).
+//! pointer or program counter where the encoding does not allow one, write-back into a loaded register, and a branch in
+//! an IT block before the block's last instruction. The one exception is CMP of two low registers in its form for high
+//! ones, which LLVM emits. Coprocessors other than 10 and 11 take the fault for an absent coprocessor (UFSR.NOCP).
 
 mod narrow;
 mod transfer;

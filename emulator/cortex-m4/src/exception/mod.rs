@@ -77,8 +77,9 @@ impl<C: Cost> Core<C> {
         self.note_pending();
     }
 
-    /// Takes in the part's signals, and wakes the core. Takes the best pending exception if it preempts. The run loop
-    /// calls this between instructions while `attention` is set. Returns whether an exception was entered.
+    /// Takes in the part's signals, which may wake the core. Takes the pending exception of highest priority if it
+    /// preempts. The run loop calls this between instructions while `attention` is set. Returns whether an exception
+    /// was entered.
     pub(crate) fn look_at_exceptions<B: Bus>(&mut self, bus: &mut B) -> bool {
         self.system_advance();
         self.take_signals(bus);
@@ -92,7 +93,7 @@ impl<C: Cost> Core<C> {
             return false;
         }
         if let Some(before) = self.system.debug.stepping {
-            // A debugger's step ends after one instruction. It also ends if the core hangs, without an instruction.
+            // A debugger's step ends after one instruction. If the core hangs, the step ends without an instruction.
             if self.retired != before || self.hung {
                 self.system.debug.stepping = None;
                 if self.system.debug.halting() {

@@ -146,7 +146,7 @@ pub(crate) const fn mode(config: u32) -> SpiMode {
 struct Transfer {
     tx: Buffer,
     rx: Buffer,
-    /// The byte that is being exchanged. `ends` is the PCLK16M tick at which it begins.
+    /// The byte that is being exchanged. It begins at the PCLK16M tick `ends`, at which the byte before it ended.
     byte: u8,
     ends: u64,
     stopping: bool,

@@ -28,8 +28,8 @@ const SHORTEST_BYTE: u64 = cycles(1_000);
 /// cycle.
 const SLACK: u64 = cycles(100);
 
-/// Returns two answers for these SPI modes of controller and target: whether the data that the target receives comes
-/// one bit late, and whether the data that the target sends comes one bit late.
+/// Returns two values for the SPI modes of controller and target: whether the data that the target receives come one
+/// bit late, and whether the data that it sends do.
 const fn late(one: SpiMode, other: SpiMode) -> (bool, bool) {
     use SpiMode::{Mode0, Mode1, Mode2, Mode3};
     match (one, other) {

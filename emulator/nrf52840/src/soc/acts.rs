@@ -66,7 +66,7 @@ impl Soc {
         }
     }
 
-    /// Updates the interrupt lines and the next events of those instances that were called since the last update.
+    /// Reads the interrupt line and the next event of each instance that was called since the last look.
     pub(super) fn look_at_touched(&mut self) {
         if self.touched == 0 {
             return;

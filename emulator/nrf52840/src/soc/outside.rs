@@ -12,8 +12,8 @@ impl Soc {
 
     pub(crate) fn drive<O: Outside>(&mut self, at: Cycle, pin: Pin, level: Option<bool>, outside: &mut O) {
         self.come(at, outside);
-        // The core's last access may be a few cycles after the edge, because its instruction began before. The edge
-        // still takes effect at its own instant.
+        // The core's last access may be a few cycles after the edge, because the instruction of that access began
+        // before the edge. The edge still takes effect at its own instant.
         let reached = std::mem::replace(&mut self.now, at);
         self.gpio.outside(pin, level, at, &mut self.out);
         self.carry(outside);

@@ -22,9 +22,9 @@
 //! # Lines
 //!
 //! The pads do not have the levels that this I2C drives, since the board gets a transfer in steps ([`I2cEvent`]). They
-//! have the levels of the board, with its pull-ups, and of pins that software drives. A low line is therefore held by
-//! another device. It sets `BUSY`; a stop (SDA rises while SCL is high) and `SWRST` clear it. If another device only
-//! releases SCL, or if `PE` or `ARLO` cut a transfer short, `BUSY` stays set until software resets the I2C.
+//! have the levels of the board, with its pull-ups, and of pins that software drives. A line that is low is therefore
+//! held by another device, and sets `BUSY`. A stop (SDA rises while SCL is high) and `SWRST` clear `BUSY`. If another
+//! device only releases SCL, or if `PE` or `ARLO` cut a transfer short, `BUSY` stays set until software resets the I2C.
 //!
 //! Every step (start, address or data byte with acknowledge, stop) is one event at its end.
 

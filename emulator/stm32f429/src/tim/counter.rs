@@ -159,7 +159,8 @@ impl Tim {
         }
         let mut clocks = tick - self.tick + u64::from(self.prescale);
         self.tick = tick;
-        // `ends` is the number of ends of the range. Whole periods are skipped once all effects repeat.
+        // `ends` is the number of ends of the range that the counter has reached in this call. Once all effects repeat,
+        // whole periods are skipped.
         let mut ends = 0;
         loop {
             let step = u64::from(self.psc_now) + 1;

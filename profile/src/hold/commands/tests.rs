@@ -231,9 +231,11 @@ fn a_damaged_or_misplaced_uplink_changes_nothing() {
 
 #[derive(Clone, Copy, Debug)]
 struct Period {
-    /// The age of the uplink in the hold's answer, in uplinks of the writer; `None` if the answer is lost.
+    /// The age of the uplink in the hold's answer: the number of newer uplinks of its writer; `None` if the answer is
+    /// lost.
     uplink: Option<usize>,
-    /// The age of the hold's object that the writer reads, in periods; `None` if the writer reads none.
+    /// The age of the hold's object that the writer reads: the number of newer objects; `None` if the writer reads
+    /// none.
     object: Option<usize>,
     writes: bool,
     gives_up: bool,

@@ -91,6 +91,6 @@ impl Report {
 pub struct Failed<E> {
     /// The error of the bus.
     pub bus: E,
-    /// The report of the failed transaction, with the position that remains to fly by.
+    /// The report of the failed transaction. Its position, if any, is that of an earlier transaction.
     pub report: Report,
 }

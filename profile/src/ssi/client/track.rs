@@ -43,8 +43,8 @@ pub(super) struct Track {
     found: u8,
     /// The last sample's values, if the sample may be shown. Its position need not be valid.
     shown: Option<ReportedValues>,
-    /// The DPR's timestamp in the last intact Link-Status, which identifies the image, and the instant of reading it,
-    /// µs.
+    /// The DPR's timestamp in the last intact Link-Status, and the instant of reading that Link-Status, µs. The
+    /// timestamp identifies the image.
     image: Option<(u32, u64)>,
     /// The instant, µs, of the last reading with intact data. Before the first such reading, it is that of the first
     /// transaction.
@@ -147,7 +147,8 @@ impl Track {
     }
 }
 
-/// The earliest instant, µs, at which a sample could have been read, if it continues `last` and was read at `read_us`.
+/// Returns the earliest instant, µs, at which the sample of `timestamp` could have been read. Returns `None` if this
+/// sample, which was read at `read_us`, does not continue `last`.
 fn due_us(last: &Sample, timestamp: u32, read_us: u64) -> Option<u64> {
     let Freshness::Fresh { missed: missed @ 0..=MAX_MISSED } = freshness(Some(last.timestamp), timestamp) else {
         return None;
@@ -159,7 +160,9 @@ fn due_us(last: &Sample, timestamp: u32, read_us: u64) -> Option<u64> {
     if due_us.abs_diff(read_us) > tolerance_us {
         return None;
     }
-    // A sample that is read early shows that earlier samples were read late. HORUS's clock may be slower by 2 %.
+    // If this sample is read earlier than expected, earlier samples were read late, so the expected instant moves to
+    // this reading. It moves to a later instant by at most 2 % of the step, because HORUS's clock may be slower by that
+    // much.
     Some(read_us.min(due_us.saturating_add(drift_us)))
 }
 

@@ -5,7 +5,7 @@ use crate::criticality::{BaseStation, FlightController, WritesUplink};
 use crate::ssi::Request;
 use crate::{HoldStatus, Layout, LinkStatus, Object, PortStatus, Rejection, ReportedPosition, Uplink, image};
 
-/// What the transaction read in place of one object of the map.
+/// What the transaction read at the place of one object of the map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shown<T> {
     /// The object was read intact.

@@ -130,7 +130,7 @@ fn truth_of_sum(nearest: f32, a: f64, b: f64) -> Truth {
     let least = f64::from(f32::MIN_POSITIVE);
     let limit = 2.0_f64.powi(128);
     // The rounded sum may equal `limit` or `least`. The sign of the rounding error then tells whether the exact sum is
-    // above or below.
+    // above or below that value.
     let inwards = error != 0.0 && (error > 0.0) != (value > 0.0);
     Truth {
         nearest,
