@@ -160,7 +160,7 @@ impl Firmware {
         self.0.symbols.get(name).copied()
     }
 
-    /// Returns the address of a variable or function by the end of its demangled path, `name`, in whole path segments.
+    /// Returns the address of the variable or function whose demangled path ends with `name`, in whole path segments.
     /// The compiler's hash at the end of a symbol does not count.
     pub fn symbol_called(&self, name: &str) -> Option<u64> {
         self.variable_called(name).map(|symbol| symbol.address)
