@@ -428,8 +428,8 @@ const fn verb(operation: &ProgressOperation) -> &'static str {
 enum Follow {
     /// A firmware that runs for ever, and that handles a HardFault or a restart by itself.
     Firmware,
-    /// A test suite, which ends with a semihosting exit. A failure ends with a HardFault (panic-probe), at which the
-    /// core halts.
+    /// A test suite, which ends with a semihosting exit. A failure ends with a HardFault (panic-probe). The core halts
+    /// there.
     Suite,
 }
 

@@ -261,7 +261,7 @@ impl Firmware {
     }
 
     /// The source line of the instruction at `address`, such as `src/main.rs:120`, if the image has DWARF. Inlined code
-    /// has several lines, of which this is the one that [`Firmware::place_of`] names.
+    /// has several lines. The returned one is that which [`Firmware::place_of`] names.
     #[must_use]
     pub fn line_of(&self, address: u64) -> Option<String> {
         self.source_of(address).map(|source| source.line)
