@@ -1,4 +1,4 @@
-//! Controls the temperature of the box with a heater and a cooler, of which at most one works at a time.
+//! Controls the temperature of the box with a heater and a cooler. At most one of them works at a time.
 //!
 //! # Design
 //!

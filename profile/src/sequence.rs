@@ -104,8 +104,8 @@ pub enum Judgement {
     Frozen,
     /// The cycle's timestamp is before the last one: HORUS has restarted, or frames are reordered.
     Restarted,
-    /// The timestamp is ahead of the last one, but not by a whole number of cycles, or more than [`MAX_MISSED`] cycles
-    /// are missing.
+    /// The timestamp is ahead of the last one, but not by a whole number of cycles, or by so much that more than
+    /// [`MAX_MISSED`] cycles are missing.
     Irregular,
     /// The timestamp is ahead of the last one by a possible step, but the cycle comes too early for that step.
     Early,

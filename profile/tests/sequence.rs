@@ -13,8 +13,8 @@ fn held(timestamp: u32, at_us: u64) -> Sequence {
     sequence
 }
 
-/// The judgement of a cycle that follows a found sequence: its timestamp is `step_ms` later than the last one, its
-/// sample `passed_us` later on the receiver's clock.
+/// The judgement of a cycle that follows a found sequence. The cycle's timestamp is `step_ms` later than the last one.
+/// Its sample is `passed_us` later on the receiver's clock.
 fn step(step_ms: u32, passed_us: i64) -> Judgement {
     let start_us = 1_000_000_u64;
     held(5_000, start_us).judge(5_000_u32.wrapping_add(step_ms), start_us.wrapping_add_signed(passed_us))

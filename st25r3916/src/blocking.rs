@@ -264,8 +264,8 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Listener<SPI, IRQ, DELAY> {
         self.0.machine().variant()
     }
 
-    /// Waits for the next event. Returns `None` if `limit_us` of waiting, in µs, end first. A fault is an event too,
-    /// from which the next call recovers.
+    /// Waits for the next event. Returns `None` if no event comes before the waiting has lasted `limit_us`, µs. A fault
+    /// is an event too; the next call recovers from it.
     ///
     /// # Errors
     /// The SPI bus or the IRQ pin failed. The next call recovers.

@@ -378,8 +378,8 @@ impl Awaited {
         }
     }
 
-    /// The fault if the interrupt does not come in time. `None` for the RC calibration, after which the chip falls back
-    /// to a default.
+    /// The fault if the interrupt does not come in time. `None` for the RC calibration: without the interrupt the chip
+    /// falls back to a default.
     const fn fault(self) -> Option<Fault> {
         match self {
             Self::Oscillator => Some(Fault::Oscillator),

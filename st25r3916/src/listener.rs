@@ -77,8 +77,8 @@
 //! | reset of the chip | [`Fault::Reset`] at the next interrupt or supervision, bring-up |
 //! | dead bus, stuck IRQ pin | [`Fault::Bus`], [`Fault::IrqStuck`], bring-up after a back-off |
 //!
-//! The back-off before a bring-up is 1 ms after the first fault and doubles with each fault up to 64 ms. There is none
-//! after silence: the poller may just be off, and the listener could not receive during a back-off.
+//! The back-off before a bring-up is 1 ms after the first fault and doubles with each fault up to 64 ms. After silence
+//! there is no back-off: the poller may just be off, and the listener could not receive during a back-off.
 //!
 //! # Settings read back while the chip runs
 //!

@@ -191,8 +191,8 @@ fn text_of(heading: &str) -> String {
 mod tests {
     use super::*;
 
-    /// Returns the broken citations in a file, checked beside a page of the design and a decision. Each `^` is removed
-    /// from the text, so that this source has no broken citation of its own.
+    /// Returns the broken citations in a file. Beside it there are a page of the design and a decision. Each `^` is
+    /// removed from the text, so that this source has no broken citation of its own.
     fn broken_in(path: &str, text: &str) -> Vec<String> {
         let mut files = BTreeMap::from([
             ("docs/design.md".to_owned(), "# Design\n\n## Air frame\n\n```\n# no heading\n```\n".to_owned()),

@@ -293,8 +293,8 @@ fn keep_debug_port_open(session: &mut Session) -> Result<()> {
     const NVMC_CONFIG: u64 = 0x4001_E504;
     const READ_ONLY: u32 = 0;
     const WRITE: u32 = 1;
-    // Programming a word takes the NVMC 41 us (PS v1.7, NVMC, electrical specification). A single reading of its state
-    // through the probe takes longer.
+    // Programming a word takes the NVMC 41 us (PS v1.7, NVMC, electrical specification). A single reading of the NVMC's
+    // state through the probe takes longer.
     const LOOKS: usize = 1_000;
 
     let mut core = session.core(0).context("could not reach the core")?;
@@ -428,8 +428,8 @@ const fn verb(operation: &ProgressOperation) -> &'static str {
 enum Follow {
     /// A firmware that runs for ever, and that handles a HardFault or a restart by itself.
     Firmware,
-    /// A test suite, which ends with a semihosting exit. A failure ends with a HardFault (panic-probe), at which the
-    /// core halts.
+    /// A test suite, which ends with a semihosting exit. A failure ends with a HardFault (panic-probe). The core halts
+    /// there.
     Suite,
 }
 

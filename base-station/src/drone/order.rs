@@ -58,7 +58,7 @@ pub enum Step {
     Same,
     /// The timestamp is older than the newest timestamp that has arrived.
     Older,
-    /// The timestamp does not continue the earlier ones; its object is not shown.
+    /// The timestamp does not continue the earlier ones, so the object is not shown.
     Search,
     /// The timestamp is of a sender that has restarted, so the earlier data are dropped.
     Restarted,

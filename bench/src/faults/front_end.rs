@@ -50,7 +50,8 @@ impl FrontEndFault {
     }
 }
 
-/// Removes the last byte of the payload of a frame of `whole` bytes and corrects its CRC. LEN was already reduced.
+/// Removes the last byte of the payload of a frame of `whole` bytes, and corrects the frame's CRC. LEN was already
+/// reduced.
 fn shorten(data: &mut Vec<u8>, whole: usize) {
     data.truncate(whole - 3);
     let crc = nfc_f(data);

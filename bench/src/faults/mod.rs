@@ -31,8 +31,8 @@
 //! The fault's effect is in the same file. A line in [`plan`] makes `--faults` draw the fault.
 //!
 //! A fault of a new kind is a variant of [`Fault`] with its name, its side of the link ([`Fault::is_upstream`]) and its
-//! disturbance ([`Fault::disturbs`]), from which the judge knows what to excuse ([`bench_judge::disturbance`]). Three
-//! files apply episodes: `sim/upstream.rs`, `sim/downstream.rs` and `sim/board_events.rs`. `panel.rs` lists the
+//! disturbance ([`Fault::disturbs`]). The disturbance tells the judge what to excuse ([`bench_judge::disturbance`]).
+//! Three files apply episodes: `sim/upstream.rs`, `sim/downstream.rs` and `sim/board_events.rs`. `panel.rs` lists the
 //! faults that the panel of `cargo xtask live` offers.
 
 pub mod base;

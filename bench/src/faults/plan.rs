@@ -71,7 +71,7 @@ pub const STARTS: u64 = 20_000_000;
 /// The bit error rate of drawn bit errors on the air: about one frame in five has an error.
 pub const BIT_ERROR: f64 = 1e-4;
 
-/// The largest error that a drift adds to that of an oscillator, parts per billion.
+/// The largest error that a drift adds to the error of an oscillator, parts per billion.
 pub const MAX_DRIFT: u64 = 200_000;
 
 /// The number of different sags of each board's supply in a round.

@@ -11,8 +11,8 @@
 //! | ready 1 ms after its supply, a soft reset or a general call reset | table 4, 4.7 |
 //! | repeatability 0.04, 0.07, 0.1 °C and 0.08, 0.15, 0.25 %, each three standard deviations | tables 1, 2 |
 //!
-//! The model leaves out the heater, whose commands are reported as misuse, and the sensor's own time constant, which is
-//! shorter than the box's.
+//! The model leaves out the heater and the sensor's own time constant. The heater's commands are reported as misuse.
+//! The sensor's time constant is shorter than the box's.
 
 use emulator_part::{I2cAnswer, I2cEvent};
 

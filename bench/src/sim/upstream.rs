@@ -197,8 +197,8 @@ fn at_rate(frames: Vec<UartFrame>, baud: u32) -> Vec<UartFrame> {
     frames.into_iter().map(at).collect()
 }
 
-/// An upper limit of a byte's duration on a receiver's bus, ns. A byte is logged with the instant of its beginning,
-/// which is known only at its end.
+/// An upper limit of a byte's duration on a receiver's bus, ns. A byte is logged with the instant of its beginning, but
+/// that instant is known only when the byte ends.
 const ON_THE_WAY: u64 = 100_000;
 
 /// The results of HORUS's side of the simulation, for the DPR's side, which is simulated later.

@@ -54,7 +54,7 @@ pub trait Board: Clone + Debug + Send + 'static {
     }
 
     /// The instant (ns) at which a chip of the board next acts by itself, `u64::MAX` for never. At that instant the
-    /// node calls [`Board::settle`], after which this function must return a later instant.
+    /// node calls [`Board::settle`]. After that call this function must return a later instant.
     fn next_event(&self) -> u64 {
         u64::MAX
     }

@@ -160,7 +160,7 @@ impl Firmware {
         self.0.symbols.get(name).copied()
     }
 
-    /// Returns the address of a variable or function by the end of its demangled path, `name`, in whole path segments.
+    /// Returns the address of the variable or function whose demangled path ends with `name`, in whole path segments.
     /// The compiler's hash at the end of a symbol does not count.
     pub fn symbol_called(&self, name: &str) -> Option<u64> {
         self.variable_called(name).map(|symbol| symbol.address)
@@ -261,7 +261,7 @@ impl Firmware {
     }
 
     /// The source line of the instruction at `address`, such as `src/main.rs:120`, if the image has DWARF. Inlined code
-    /// has several lines, of which this is the one that [`Firmware::place_of`] names.
+    /// has several lines. The returned one is that which [`Firmware::place_of`] names.
     #[must_use]
     pub fn line_of(&self, address: u64) -> Option<String> {
         self.source_of(address).map(|source| source.line)

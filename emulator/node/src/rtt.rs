@@ -96,7 +96,7 @@ pub(crate) fn drain<P: Part>(part: &mut P, block: u64, channel: u64) -> Result<D
     let entry = block + CHANNELS + CHANNEL_BYTES * channel;
     let (buffer, size) = (word(part, entry + 4), word(part, entry + 8));
     let (write, read) = (word(part, entry + 12), word(part, entry + 16));
-    // A firmware's RAM test writes zeros and ones over the old control block, of which the magic may remain.
+    // A firmware's RAM test writes zeros and ones over the old control block, but the magic may remain.
     if size == 0 || [size, write, read].contains(&u64::from(u32::MAX)) {
         return Ok(Drained::default());
     }

@@ -393,8 +393,9 @@ impl<P: Part, C: Cost> Running<P, C> {
         &mut self.node
     }
 
-    /// The status of the run so far, as in [`Outcome::status`], but not zero after findings. `runs_on` says that the
-    /// firmware is meant to run for ever. The status is then zero if there are no findings.
+    /// The status of the run so far, as in [`Outcome::status`]. If there are findings, 1 takes the place of a zero.
+    /// `runs_on` says that the firmware is meant to run for ever. A firmware that has not exited then has the exit
+    /// status 0.
     pub fn status(&self, runs_on: bool) -> u32 {
         let exit = self.node.exit_status().or(runs_on.then_some(0));
         match status(exit, self.died) {

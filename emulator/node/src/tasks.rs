@@ -106,15 +106,15 @@ impl<B: Board, C: Cost> Node<B, C> {
         was_on
     }
 
-    /// Whether an interrupt would begin at once, since the core handles no exception, no enabled one is pending, and
+    /// Whether an interrupt would begin at once: the core handles no exception, no enabled exception is pending, and
     /// PRIMASK is 0.
     ///
     /// # Panics
     ///
     /// Panics if the core has no interrupt controller.
     pub fn is_ready_for_interrupts(&mut self) -> bool {
-        // The mask covers ICSR's VECTPENDING and VECTACTIVE (ARMv7-M ARM B3.2.4), in which an interrupt that is not
-        // enabled does not count.
+        // The mask covers ICSR's VECTPENDING and VECTACTIVE (ARMv7-M ARM B3.2.4). These fields leave out an interrupt
+        // that is not enabled.
         const HANDLING: u32 = 0x001F_F1FF;
         let icsr = self.access_port_read(ICSR, Width::Word).expect("an interrupt controller");
         self.is_powered() && icsr & HANDLING == 0 && self.core.register(Register::Primask) == 0

@@ -87,7 +87,7 @@ pub(crate) struct FlashControl {
     noise: u64,
     reads: u64,
     programmed: bool,
-    /// The 128-bit line of the last instruction fetch, from which wait states are counted.
+    /// The 128-bit line of the last instruction fetch. Wait states are counted from this line.
     line: u32,
 }
 

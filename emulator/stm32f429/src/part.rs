@@ -181,8 +181,8 @@ impl Part for Stm32f429 {
         true
     }
 
-    /// The core's clock is HCLK. If its source has failed without the clock security system, the rate is 0 and the core
-    /// stands still. Cycles then count on at the last rate, for the independent watchdog.
+    /// The core's clock is HCLK. If HCLK's source has failed without the clock security system, the rate is 0 and the
+    /// core stands still. Cycles then count on at the last rate, for the independent watchdog.
     fn clock(&self) -> Clock {
         Clock { hz: if self.rcc.stopped { 0 } else { self.clocks.hclk_hz }, ppb: self.clocks.ppb }
     }

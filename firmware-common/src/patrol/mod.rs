@@ -93,8 +93,8 @@ pub struct Rate {
 }
 
 impl Rate {
-    /// Returns the longest time, µs, until a changed bit in flash is found, for a program of `bytes`. That takes two
-    /// passes, and a slice more for each, since a pass begins in the middle of a slice.
+    /// Returns the longest time, µs, until a changed bit in flash is found, for a program of `bytes`. It is the time of
+    /// two passes and of one more slice for each pass, since a pass begins in the middle of a slice.
     #[must_use]
     pub const fn flash_detect_us(&self, bytes: u32) -> u32 {
         2 * (bytes.div_ceil(4).div_ceil(self.flash_words) + 1) * SLICE_US

@@ -23,7 +23,8 @@ fn status(tick: u32) -> HoldStatus {
     HoldStatus::seal(Writer::<ActiveLoad>::claim(), &HoldValues::absent(timestamp(tick)))
 }
 
-/// Returns the cycle of a sent frame. Panics if the frame is incomplete, of another cycle, or not sent in the slot.
+/// Returns the tick of a sent frame. Panics if the frame is incomplete, has another tick's timestamp, or was not sent
+/// in the slot.
 fn check(frame: &SentFrame, config: &Config) -> u32 {
     let tick = (frame.started_ns / PERIOD_NS) as u32;
     let object = HoldStatus::verify(&frame.bytes[1..65]).expect("an intact object");

@@ -45,7 +45,8 @@ pub(crate) struct Side {
     payload: Vec<u8>,
     /// The length byte and the payload of the frame that was read last.
     received: Vec<u8>,
-    /// How many transfers are still carried out before one that never ends. `hangs` says whether that one has begun.
+    /// How many transfers are still carried out before a transfer that never ends. `hangs` says whether that endless
+    /// transfer has begun.
     pub(crate) hang_in: Option<u32>,
     hangs: bool,
     pub(crate) aborted: u32,

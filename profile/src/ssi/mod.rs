@@ -18,8 +18,8 @@
 //!
 //! Neither form of the empty request can be mistaken for a request of a window. Eight bytes 0x00 are no valid request,
 //! because the CRC of four bytes 0x00 is not 0. Eight bytes 0xFF have a valid CRC, but ask for 65535 bytes from offset
-//! 65535, and no map is that long. (0xFFFFFFFF XOR four bytes 0xFF is 0, of which the final XOR makes four bytes 0xFF.
-//! Bytes 0xFF have a valid CRC at no other length.)
+//! 65535, and no map is that long. (0xFFFFFFFF XOR four bytes 0xFF is 0, and the final XOR turns 0 into four bytes
+//! 0xFF. Bytes 0xFF have a valid CRC at no other length.)
 //!
 //! # Timing
 //!

@@ -378,8 +378,8 @@ fn silent() -> Tape {
 fn clocks() -> Tape {
     let mut world = started::<3>(|world| world.fresh_is_wired = true);
     world.good(4);
-    // The flight controller pauses for 200 ms, after which the sequence continues, and for 300 ms, after which it does
-    // not.
+    // The flight controller pauses twice. The sequence continues after the pause of 200 ms, but not after that of 300
+    // ms.
     world.now_us += 200_000;
     world.good(3);
     world.now_us += 300_000;

@@ -87,7 +87,8 @@ fn answer<E>(step: &Step<E>, bytes: [u8; 8]) -> Vec<u8> {
     bytes.iter().copied().cycle().take(len).collect()
 }
 
-/// Gives the inputs to a machine, and returns the step for which it then waits. `send` prepares a frame or an answer.
+/// Gives the inputs to a machine, and returns the step for which the machine then waits. `send` prepares a frame or an
+/// answer.
 fn feed<M: Machine<Event: Copy>>(
     machine: &mut M,
     said: &[Said],

@@ -31,7 +31,7 @@ pub(crate) enum Happening {
     Byte(u8),
     /// The frame whose sync was accepted ends, with these error bits.
     End(u8),
-    /// The frame whose sync was accepted ends within a byte, of which this number of bits arrived.
+    /// The frame whose sync was accepted ends within a byte. This number of that byte's bits has arrived.
     BrokenByte(u8),
     /// The transmitter takes a byte out of the FIFO.
     Taken,

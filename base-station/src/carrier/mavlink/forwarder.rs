@@ -8,7 +8,7 @@
 //!   answer to an uplink ([`inbound`](super::inbound)), {Port-Status, uplink}. Hold-Status is alone. A missing object
 //!   is left out, or is zeros if it is between others.
 //! - Each message is sent once a period. If the budget does not suffice, Reported-Position is sent before every one of
-//!   the other messages, which take turns.
+//!   the other messages. The others take turns.
 //! - An object that is unchanged in the next image is not sent again.
 //!
 //! The budget fills by the permitted bytes per second, up to the bytes of a tenth of a second or of one message,

@@ -304,7 +304,8 @@ impl Receivers {
         answer
     }
 
-    /// Passes a UART frame that the microcontroller has sent on `pin`, and that ended at `at` (ns), to the receiver.
+    /// Passes a UART frame to the receiver. The microcontroller has sent the frame on `pin`; the frame ended at `at`
+    /// (ns).
     pub(super) fn uart(&mut self, at: u64, pin: Pin, frame: &UartFrame) {
         let found = self.interfaces.iter_mut().enumerate().find_map(|(receiver, interface)| match interface {
             Interface::Uart(uart) if uart.from_part == pin => {

@@ -119,7 +119,7 @@ impl Misconduct {
     }
 }
 
-/// Returns a transaction without a byte, in which chip select falls and rises once in `period_ns`.
+/// Returns a transaction without a byte: chip select falls and rises once in `period_ns`.
 fn edges(pace: Pace, period_ns: u64) -> Order {
     let low = period_ns / 2;
     Order { pace: Pace { setup_ns: low, hold_ns: 0, gap_ns: period_ns - low, ..pace }, ..Order::read(0) }

@@ -136,7 +136,7 @@ impl<C: Cost> Core<C> {
             self.waiting = None;
             return;
         }
-        // PRIMASK keeps WFE from waking, but not WFI (ARM ARM B1.5.18, B1.5.19).
+        // PRIMASK keeps an interrupt from waking WFE, but not from waking WFI (ARM ARM B1.5.18, B1.5.19).
         let priority = self.mask_priority(self.waiting == Some(true)).min(self.system.nvic.active_priority);
         if self.system.nvic.best_priority < priority {
             self.waiting = None;

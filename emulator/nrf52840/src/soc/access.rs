@@ -191,8 +191,7 @@ impl Soc {
     }
 
     /// The cycles for which an access to RAM at `cycle` waits for EasyDMA at worst. The processor has the highest
-    /// priority on the AHB multilayer. It waits only for an access of EasyDMA to the same slave that has already begun
-    /// (PS 4.7).
+    /// priority on the AHB multilayer. It waits only if EasyDMA has already begun an access to the same slave (PS 4.7).
     #[inline(always)]
     pub(crate) fn contention(&mut self, address: u32, cycle: Cycle) -> u32 {
         let waits = self.moving != 0

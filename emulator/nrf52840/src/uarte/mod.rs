@@ -59,7 +59,7 @@ const LEGACY: u32 = 4;
 const FIFO: usize = 6;
 /// The free room of the FIFO, in bytes, at which RTS goes high. RTS is low only while more is free (PS 6.34).
 const ROOM: usize = 4;
-/// The byte times from STOPRX to RXTO, in which the far end may finish its byte.
+/// The time from STOPRX to RXTO, in byte times. In this time the far end may finish its byte.
 const RX_TIMEOUT_BYTES: u64 = 4;
 /// The longest bit that can be received, one second, in picoseconds.
 const LONGEST_BIT_PS: u64 = 1_000_000_000_000;

@@ -1,8 +1,8 @@
 //! Tests of the results and flags of arithmetic on random operands.
 //!
-//! The host computes the expected values. Its `f32` operation rounds to nearest. Exact `f64` arithmetic tells on which
-//! side of the rounded result the exact one lies. The result and the flags in each rounding mode follow from these two.
-//! The host's arithmetic and the integer arithmetic in `arith` must both give them.
+//! The host computes the expected values. The host's `f32` operation rounds to nearest. Exact `f64` arithmetic tells on
+//! which side of the rounded result the exact one lies. The result and the flags in each rounding mode follow from
+//! these two. The host's arithmetic and the integer arithmetic in `arith` must both give them.
 
 use std::cmp::Ordering;
 
