@@ -82,8 +82,8 @@ pub const TASKS: Table<8> = Table::new([
     // The three open eighths are those of TIMER0 to TIMER2.
     Region::new("timers", 0x4000_8000, 32 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([true, true, true, false, false, false, false, false]),
-    // The open eighths, of 8 KiB each, hold WDT and RTC1, and TIMER3 and TIMER4. With the feature `hold`, the eighth
-    // with EGU2 and EGU3 is open as well.
+    // The accessible subregions, of 8 KiB each, hold WDT and RTC1, and TIMER3 and TIMER4. With the feature `hold`, the
+    // subregion with EGU2 and EGU3 is accessible as well.
     Region::new("watchdog and pause", 0x4001_0000, 64 * KIB, Memory::Peripheral, Allowed::ReadWrite).only([
         true,
         false,

@@ -145,7 +145,7 @@ pub enum ExchangeState {
     Receiving,
     /// The status is being read.
     ReadingStatus {
-        /// Whether the wait before this read ended by its time limit.
+        /// Whether the wait before this read timed out.
         late: bool,
     },
     /// The bytes of the answer are being read.

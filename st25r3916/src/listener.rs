@@ -337,7 +337,7 @@ pub enum ListenerState {
     Receiving,
     /// The status is being read, within or outside a frame.
     ReadingStatus {
-        /// Whether the wait before this status read ended by its time limit.
+        /// Whether the wait before this status read timed out.
         late: bool,
     },
     /// The receiver is re-armed, and one of the settings of bring-up is being read back.

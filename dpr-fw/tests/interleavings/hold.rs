@@ -30,7 +30,7 @@ enum Mutation {
     AbortNotParked,
     /// Mutation: the task raises chip select, which only the end of a transfer should do.
     DeselectedByTask,
-    /// Mutation: the IRQ's edge stays unmasked while the port rests.
+    /// Mutation: the interrupt for the front end's IRQ pin stays unmasked after the budget of the second port is spent.
     EdgeNotMasked,
     /// Mutation: the end of a transfer stays masked after a rest.
     EndStaysMasked,

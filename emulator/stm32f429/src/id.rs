@@ -72,7 +72,7 @@ pub(crate) static GATES: [Gate; COUNT] = {
 pub(crate) const fn spi(n: u8) -> u8 {
     SPI + n - 1
 }
-/// The index of USART1 to 3, UART4 and 5, USART6, UART7 or 8 by its number.
+/// Returns the index of the serial port with this number in the name, 1 to 8: USART1 to UART8.
 pub(crate) const fn usart(n: u8) -> u8 {
     USART + n - 1
 }

@@ -292,8 +292,8 @@ fn ties_go_to_the_last_pair_then_accuracy_then_lower_numbers() {
     assert_eq!(Voter::new().vote(&row([901, 1_000, 900]), 0).members, 0b110, "the more accurate");
     let mut voter = Voter::new();
     assert_eq!(voter.vote(&row([900, 1_000, 901]), 0).members, 0b011);
-    // Among equal sets the one with the members of the last result wins. Receiver 3 agrees with one of them, so it is
-    // not excluded.
+    // Two sets have the same size, so the one with the members of the last result wins. Receiver 3 agrees with one of
+    // these members, so it is not excluded.
     let verdict = voter.vote(&row([901, 1_000, 900]), 10);
     assert_eq!((verdict.members, verdict.excluded), (0b011, 0));
 

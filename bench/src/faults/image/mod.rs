@@ -152,7 +152,7 @@ impl Repair {
     ///
     /// # Errors
     ///
-    /// [`Error::NotMemory`] if `node` has no memory at a damaged address.
+    /// [`Error::NotMemory`] if `node` has no memory at an address that is to be damaged.
     pub fn mend<B: Board, C: Cost>(&self, node: &mut Node<B, C>) -> Result<(), Error> {
         self.0.iter().rev().try_for_each(|(address, was)| node.write(*address, was))
     }

@@ -512,8 +512,8 @@ fn objects_are_right(at: u64, frame: &Frame, number: &mut Number, findings: &mut
         right = false;
         findings.add(Violation::SentInvalid, at, || format!("object {} at {}: {why}", object.index, ms(at)));
     }
-    // The GPS objects come first. If one of them has a timestamp, rule `content` judges the timestamp of
-    // Reported-Position.
+    // The loop ends with Reported-Position. If a GPS object with a timestamp came before it, rule `content` judges the
+    // timestamp of Reported-Position.
     let mut against = false;
     for object in frame.objects.iter().rev() {
         let Some(timestamp) = object.timestamp().filter(|_| object.index > 0 || !against) else { continue };
