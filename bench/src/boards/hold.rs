@@ -36,10 +36,9 @@ pub struct Hold {
     pub front_end: FrontEnd,
     /// The payload: box, vibration and sensors.
     pub payload: Payload,
-    /// The last level of SDA that the part has received; `None` before the first.
+    /// The level of SDA that the microcontroller received last; `None` at the beginning.
     sda: Option<bool>,
     outputs: Outputs,
-    /// The changes of the lock's pin since the last call that took them, each with its instant, ns.
     locked: Vec<(u64, bool)>,
 }
 
