@@ -189,6 +189,14 @@ impl Early {
             }) else {
                 return;
             };
+            // A timestamp is taken when the CRC takes its bytes, so that a bit of it that flips later is not used.
+            if self.begun.bytes() == 0 {
+                let Some(bytes) = there.first_chunk() else { return };
+                if let Some(timestamp) = self.timestamps.get_mut(index) {
+                    // A damaged object's timestamp is stored too, but never used.
+                    *timestamp = u32::from_le_bytes(*bytes);
+                }
+            }
             let Some(bytes) = there.get(..size) else {
                 self.begun.follow(there);
                 return;
@@ -197,10 +205,6 @@ impl Early {
             // The barrier keeps the compiler from branching on whether an object is intact, so the time does not depend
             // on it.
             self.intact = self.intact.with(index, black_box(Object::verify_begun(index, bytes, begun).is_ok()));
-            // A damaged object's timestamp is stored too, but never used.
-            if let (Some(timestamp), Some(bytes)) = (self.timestamps.get_mut(index), bytes.first_chunk()) {
-                *timestamp = u32::from_le_bytes(*bytes);
-            }
             self.done += 1;
         }
     }
@@ -515,6 +519,20 @@ mod tests {
         early.follow::<3>(&arrived[..222]);
         assert_eq!((early.done, early.intact), (3, Objects(0b0111)));
         assert_eq!(early.timestamps, [10, 10, 10, 0, 0, 0]);
+    }
+
+    // Shows SAFE-18.
+    #[test]
+    fn a_timestamp_that_changes_after_its_crc_has_begun_is_not_used() {
+        let sent = profile::<3>(50);
+        let mut arrived = vec![245];
+        arrived.extend(&sent.as_bytes()[..16]);
+        let mut early = Early::default();
+        early.follow::<3>(&arrived);
+        arrived[4] ^= 0x40;
+        arrived.extend(&sent.as_bytes()[16..100]);
+        early.follow::<3>(&arrived);
+        assert_eq!((early.done, early.timestamps[0]), (1, 50));
     }
 
     #[test]

@@ -5,10 +5,10 @@
 //! The idle loop verifies all of this memory, in one [slice](firmware_common::patrol) every 2.5 ms:
 //!
 //! - *The published image*, object by object ([`ImageCheck`]): an object must have a right CRC, or be zero throughout
-//!   where no object was accepted. The idle loop copies the object's words first, and uses the copy only if the image
-//!   is of the same *generation* before and after. The SSI task increments the generation whenever it exchanges the
+//!   where no object was accepted. The idle loop reads the object's words once, and uses the result only if the image is
+//!   of the same *generation* before and after. The SSI task increments the generation whenever it exchanges the
 //!   image. So the idle loop needs no lock. A wrong object is read a second time before it counts as damaged, since the
-//!   first copy may have been wrong.
+//!   first reading may have been wrong.
 //! - *Flash, code in RAM, guard words, RAM in use*: [`firmware_common::patrol`] verifies them.
 //!
 //! Each finding has a consequence:
@@ -105,11 +105,9 @@ pub trait Shown {
     /// same image.
     fn generation(&self) -> u32;
 
-    /// Copies words of the image from word `first` on. If the image is exchanged meanwhile, the copy is arbitrary.
-    fn copy(&self, first: usize, words: &mut [u32]);
+    /// Returns these words of the image. If the image is exchanged meanwhile, they are arbitrary.
+    fn words(&self, places: Range<usize>) -> impl Iterator<Item = u32>;
 }
-
-const OBJECT_WORDS: usize = 16;
 
 /// Verifies the objects of the published map for `N` receivers in turn.
 #[derive(Clone, Copy, Debug, Default)]
@@ -172,15 +170,16 @@ impl<const N: usize> ImageCheck<N> {
         if generation == 0 {
             return Found::Unknown;
         }
-        let mut words = [0; OBJECT_WORDS];
-        let words = words.get_mut(..place.len() / 4).unwrap_or_default();
-        shown.copy(place.start / 4, words);
+        // The words are read once, so that the CRC and the comparison with zero judge the same values.
+        let mut any = 0;
+        let words = shown.words(place.start / 4..place.end / 4).inspect(|word| any |= word);
+        let intact = profile::crc::frame_of_words_intact(words);
         if shown.generation() != generation {
             return Found::Unknown;
         }
         // Link-Status and Port-Status must not be zero, since every image has them.
-        let vacant = object != 0 && object != Self::PORT_STATUS && words.iter().all(|word| *word == 0);
-        if vacant || profile::crc::frame_intact(bytemuck::cast_slice(words)) {
+        let vacant = object != 0 && object != Self::PORT_STATUS && any == 0;
+        if vacant || intact {
             Found::Intact
         } else {
             Found::Damaged

@@ -222,6 +222,12 @@ impl<P: FrontEndPort> Reception<P> {
         }
     }
 
+    /// Whether objects of the frame that is being received were verified already.
+    #[must_use]
+    pub const fn has_most_of_a_frame(&self) -> bool {
+        self.early.done() > 0
+    }
+
     /// Returns the port, for tests.
     pub fn port(&mut self) -> &mut P {
         self.executor.port()

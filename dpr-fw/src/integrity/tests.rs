@@ -23,10 +23,8 @@ impl Shown for Board {
     fn generation(&self) -> u32 {
         self.generation.get()
     }
-    fn copy(&self, first: usize, words: &mut [u32]) {
-        for (index, word) in words.iter_mut().enumerate() {
-            *word = self.word(first + index);
-        }
+    fn words(&self, places: Range<usize>) -> impl Iterator<Item = u32> {
+        places.map(|index| self.word(index))
     }
 }
 
