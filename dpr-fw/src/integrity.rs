@@ -56,7 +56,8 @@ use crate::{link::FRAME_DEADLINE_US, protection::NULL_PAGE_END, telemetry::Telem
 /// clock.
 pub const RATE: Rate = Rate { flash_words: 8, code_words: 4, ram_words: 2 };
 
-/// The number of slices that the idle loop does instead of one while a self-test runs.
+/// The number of slices that the idle loop does instead of one while a self-test runs. All but one verify flash and
+/// RAM in use alone.
 pub const SELF_TEST_SLICES: u32 = 3;
 
 /// The end of the null page in flash, bytes. The memory protection unit denies all accesses to that page.
@@ -76,8 +77,12 @@ pub const OBJECTS_PER_SLICE: u32 = 2;
 pub const IMAGE_DETECT_US: u32 =
     (ImageCheck::<5>::OBJECTS as u32).div_ceil(OBJECTS_PER_SLICE) * SLICE_US + FRAME_DEADLINE_US;
 
-/// The longest time until Link-Status reports a flipped bit in flash, µs: two passes over all 96 KiB of flash.
-pub const FLASH_DETECT_US: u32 = RATE.flash_detect_us(FLASH_BYTES) + FRAME_DEADLINE_US;
+/// The longest time until Link-Status reports a flipped bit in flash, µs: two passes over all 96 KiB of flash, and the
+/// comparison at once that follows.
+pub const FLASH_DETECT_US: u32 = RATE.flash_detect_us(FLASH_BYTES) + COMPARISON_US + FRAME_DEADLINE_US;
+
+/// The longest time of a comparison of all flash at once, µs: 96 KiB at 50 cycles a word.
+const COMPARISON_US: u32 = FLASH_BYTES / 4 * 50 / 64;
 
 /// The longest time from a flipped bit of code in RAM to the safe state, µs: one pass over all RAM that holds code.
 pub const CODE_DETECT_US: u32 = RATE.code_detect_us(CODE_BYTES) + FRAME_DEADLINE_US;

@@ -222,10 +222,14 @@ impl<P: FrontEndPort> Reception<P> {
         }
     }
 
-    /// Whether objects of the frame that is being received were verified already.
-    #[must_use]
-    pub const fn has_most_of_a_frame(&self) -> bool {
-        self.early.done() > 0
+    /// Returns whether objects of the frame that is being received were verified already. If so, this verifies what is
+    /// kept of them.
+    pub fn has_most_of_a_frame(&mut self) -> bool {
+        let begun = self.early.done() > 0;
+        if begun {
+            self.early.verify();
+        }
+        begun
     }
 
     /// Returns the port, for tests.

@@ -20,7 +20,7 @@ impl PartMemory {
         Self(())
     }
 
-    /// Compares the program in flash with its CRC at once, without the state of a patrol. This takes about 40 processor
+    /// Compares the program in flash with its CRC at once, without the state of a patrol. This takes at most 50 processor
     /// cycles a word, and does not need that the memory protection unit allows loads.
     #[must_use]
     pub fn compare(&self) -> Comparison {
