@@ -427,6 +427,11 @@ mod app {
         // Without the timer's event only `scrub` has called the task. Its mark is left if both have.
         if !cx.shared.committing.deadline.clear() {
             begin(Task::deadline);
+            let kept = &cx.shared.committing.kept;
+            if kept.is_intact() && !kept.get().0.has_lapsed(hw::now_us()) {
+                CHECK_IN.check_in(Task::deadline);
+                return;
+            }
         }
         let deadline::SharedResources { committing, rotation, mailbox, mut prepared, front_end } = cx.shared;
         prepared.lock(|prepared| publish(committing, rotation, mailbox, prepared.newest(), front_end));
