@@ -197,12 +197,16 @@ impl<const N: usize> ImageCheck<N> {
 pub struct Integrity {
     /// The generation of the image that was found damaged; 0 if no image was.
     damaged: AtomicU32,
-    flash_fault: AtomicBool,
+    /// [`CHANGED`] if the last pass found flash changed. One flipped bit makes no other value of it.
+    flash: AtomicU32,
     /// Whether flash was found changed since the commit task last asked. The commit task then publishes an image
     /// without objects.
     withdraw: AtomicBool,
     self_test: AtomicU32,
 }
+
+const UNCHANGED: u32 = 0x5A5A_5A5A;
+const CHANGED: u32 = !UNCHANGED;
 
 /// The states of a self-test.
 const NONE: u32 = 0;
@@ -223,7 +227,7 @@ impl Integrity {
     pub const fn new() -> Self {
         Self {
             damaged: AtomicU32::new(0),
-            flash_fault: AtomicBool::new(false),
+            flash: AtomicU32::new(UNCHANGED),
             withdraw: AtomicBool::new(false),
             self_test: AtomicU32::new(NONE),
         }
@@ -232,7 +236,7 @@ impl Integrity {
     /// Whether the last pass found flash changed, so that images must have no objects.
     #[must_use]
     pub fn flash_fault(&self) -> bool {
-        self.flash_fault.load(Ordering::Relaxed)
+        self.flash.load(Ordering::Relaxed) == CHANGED
     }
 
     /// Whether the image of `generation`, which is read at present, has to be withdrawn. True only once for each
@@ -280,10 +284,10 @@ impl Integrity {
     }
 
     fn flash_pass(&self, intact: bool) {
-        if !intact && !self.flash_fault.load(Ordering::Relaxed) {
+        if !intact && !self.flash_fault() {
             self.withdraw.store(true, Ordering::Relaxed);
         }
-        self.flash_fault.store(!intact, Ordering::Relaxed);
+        self.flash.store(if intact { UNCHANGED } else { CHANGED }, Ordering::Relaxed);
     }
 }
 

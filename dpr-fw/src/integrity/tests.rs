@@ -286,3 +286,18 @@ fn a_request_during_a_self_test_begins_it_anew() {
     judge.judge(&Slice { flash: Some(INTACT), ..both }, None, &integrity, &telemetry);
     assert_eq!(integrity.take_result(), Some(true));
 }
+
+// Shows SAFE-18.
+#[test]
+fn no_flipped_bit_makes_or_hides_a_flash_fault_for_good() {
+    for bit in 0..32 {
+        let integrity = Integrity::new();
+        integrity.flash.fetch_xor(1 << bit, Ordering::Relaxed);
+        assert!(!integrity.flash_fault(), "bit {bit}");
+        integrity.flash_pass(false);
+        assert!(integrity.flash_fault());
+        integrity.flash.fetch_xor(1 << bit, Ordering::Relaxed);
+        integrity.flash_pass(false);
+        assert!(integrity.flash_fault(), "the next pass says so again");
+    }
+}
