@@ -142,6 +142,21 @@ fn a_bit_that_flips_in_the_dprs_flash_withholds_all_objects() {
     }
 }
 
+// Shows SAFE-18.
+#[test]
+fn a_bit_that_flips_in_the_patrols_state_is_no_flash_fault() {
+    const PLACES: u64 = 8;
+    for place in 0..PLACES {
+        let Some(mut node) = boards::dpr() else { return };
+        run(&mut node, 40 * MS);
+        let patrol = node.firmware().variable_called("__rtic_internal_local_resource_patrol").unwrap();
+        let address = (patrol.address + (2 * place + 1) * patrol.size / (2 * PLACES)) as u32;
+        Upset::Ram { address, bit: 3 }.apply(&mut node).unwrap();
+        run(&mut node, 6_000 * MS);
+        assert_eq!(dpr_counter(&node, "flash_faults"), 0, "place {place}");
+    }
+}
+
 // Shows SAFE-9.
 #[test]
 fn a_flipped_bit_of_code_or_a_guard_word_stops_the_dpr() {

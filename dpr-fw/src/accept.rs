@@ -31,6 +31,9 @@ use profile::{
 /// The largest number of objects that a profile can have.
 pub const MAX_OBJECTS: usize = MAX_RECEIVERS + 1;
 
+/// The largest number of objects that a frame carries: all of the profile of three receivers.
+const FRAME_OBJECTS: usize = 4;
+
 /// The largest difference between the sample instants of a cycle's two frames, µs. It is the sequence's tolerance.
 pub const SAME_SAMPLE_US: u32 = sequence::TOLERANCE_US;
 
@@ -139,7 +142,10 @@ const fn frame_number(place: Place) -> usize {
 /// The results of verifying a frame's objects while the frame is still arriving, so that less work is left at its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Early {
-    timestamps: [u32; MAX_OBJECTS],
+    /// The timestamps of the frame's objects, from the first one on.
+    timestamps: [u32; FRAME_OBJECTS],
+    /// The exclusive or of all timestamps, which finds a bit of them that flips until the frame's end.
+    check: u32,
     /// The frame CRC of the next object to be verified, over the bytes of that object that have arrived.
     begun: Begun,
     /// The payload length that LEN announced, bytes; 0 if no byte has arrived.
@@ -155,9 +161,11 @@ impl Default for Early {
     }
 }
 
+const _: () = assert!(Profile::<3>::OBJECTS <= FRAME_OBJECTS);
+
 impl Early {
     const fn of(length: u8) -> Self {
-        Self { length, done: 0, intact: Objects::NONE, timestamps: [0; MAX_OBJECTS], begun: Begun::NOTHING }
+        Self { length, done: 0, intact: Objects::NONE, timestamps: [0; FRAME_OBJECTS], check: 0, begun: Begun::NOTHING }
     }
 
     /// Returns the number of verified objects.
@@ -176,6 +184,14 @@ impl Early {
         self.advance::<N>(payload);
     }
 
+    /// Gives the results up if a bit of a timestamp has flipped. All objects are then verified at the frame's end.
+    pub fn verify(&mut self) {
+        if self.timestamps.iter().fold(self.check, |check, timestamp| check ^ timestamp) != 0 {
+            *self = Self::default();
+        }
+    }
+
+    /// Verifies the objects that are complete in `payload`, the bytes of the frame's payload that have arrived.
     fn advance<const N: usize>(&mut self, payload: &[u8]) {
         let places = (0..air::frames(N)).filter_map(Place::of_frame::<N>);
         let Some(place) = places.into_iter().find(|place| place.length() == usize::from(self.length)) else { return };
@@ -187,6 +203,15 @@ impl Early {
             }) else {
                 return;
             };
+            // A timestamp is taken when the CRC takes its bytes, so that a bit of it that flips later is not used.
+            if self.begun.bytes() == 0 {
+                let Some(bytes) = there.first_chunk() else { return };
+                if let Some(timestamp) = self.timestamps.get_mut(self.done as usize) {
+                    // A damaged object's timestamp is stored too, but never used.
+                    *timestamp = u32::from_le_bytes(*bytes);
+                    self.check ^= *timestamp;
+                }
+            }
             let Some(bytes) = there.get(..size) else {
                 self.begun.follow(there);
                 return;
@@ -195,10 +220,6 @@ impl Early {
             // The barrier keeps the compiler from branching on whether an object is intact, so the time does not depend
             // on it.
             self.intact = self.intact.with(index, black_box(Object::verify_begun(index, bytes, begun).is_ok()));
-            // A damaged object's timestamp is stored too, but never used.
-            if let (Some(timestamp), Some(bytes)) = (self.timestamps.get_mut(index), bytes.first_chunk()) {
-                *timestamp = u32::from_le_bytes(*bytes);
-            }
             self.done += 1;
         }
     }
@@ -244,14 +265,15 @@ impl<const N: usize> Acceptance<N> {
         early.advance::<N>(payload);
         let Early { intact, timestamps, .. } = early;
         let mut of_frame = None;
-        for (index, timestamp) in timestamps.into_iter().enumerate().rev() {
-            if intact.has(index) {
+        for (nth, timestamp) in timestamps.into_iter().enumerate().rev() {
+            if intact.has(place.first() + nth) {
                 of_frame = Some(timestamp);
             }
         }
         let cycle = self.enter(of_frame, sampled_us, Objects::at(place));
         let mut accepted = Objects::NONE;
-        for (index, timestamp) in timestamps.into_iter().enumerate() {
+        for (nth, timestamp) in timestamps.into_iter().enumerate() {
+            let index = place.first() + nth;
             let shown = self.in_sequence && Some(timestamp) == of_frame;
             accepted = accepted.with(index, shown && intact.has(index));
         }
@@ -510,7 +532,38 @@ mod tests {
         assert_eq!(early.done, 0);
         early.follow::<3>(&arrived[..222]);
         assert_eq!((early.done, early.intact), (3, Objects(0b0111)));
-        assert_eq!(early.timestamps, [10, 10, 10, 0, 0, 0]);
+        assert_eq!(early.timestamps, [10, 10, 10, 10]);
+    }
+
+    // Shows SAFE-18.
+    #[test]
+    fn a_timestamp_that_changes_after_its_crc_has_begun_is_not_used() {
+        let sent = profile::<3>(50);
+        let mut arrived = vec![245];
+        arrived.extend(&sent.as_bytes()[..16]);
+        let mut early = Early::default();
+        early.follow::<3>(&arrived);
+        arrived[4] ^= 0x40;
+        arrived.extend(&sent.as_bytes()[16..100]);
+        early.follow::<3>(&arrived);
+        assert_eq!((early.done, early.timestamps[0]), (1, 50));
+    }
+
+    // Shows SAFE-18.
+    #[test]
+    fn a_bit_of_a_timestamp_that_flips_makes_the_whole_frame_be_verified_anew() {
+        let sent = profile::<3>(50);
+        let mut arrived = vec![245];
+        arrived.extend(&sent.as_bytes()[..200]);
+        let mut early = Early::default();
+        early.follow::<3>(&arrived);
+        early.verify();
+        assert_eq!(early.done, 3);
+        early.timestamps[0] ^= 1 << 30;
+        early.verify();
+        assert_eq!(early, Early::default());
+        let verdict = in_sequence::<3>().judge(sent.as_bytes(), &early, end::<3>(50_000, 0)).expect("the length");
+        assert_eq!(verdict.accepted, Objects::all(3));
     }
 
     #[test]
@@ -525,7 +578,7 @@ mod tests {
         assert_eq!((early.done, early.intact), (1, Objects(0b1000)));
         early.follow::<5>(&arrived[..181]);
         assert_eq!((early.done, early.intact), (3, Objects(0b11_1000)));
-        assert_eq!(early.timestamps, [0, 0, 0, 70, 70, 70]);
+        assert_eq!(early.timestamps, [70, 70, 70, 0]);
     }
 
     #[test]
@@ -538,7 +591,7 @@ mod tests {
         let mut early = Early::default();
         early.follow::<5>(&arrived);
         assert_eq!((early.done, early.intact), (3, Objects(0b0111)));
-        assert_eq!(early.timestamps, [70, 70, 70, 0, 0, 0]);
+        assert_eq!(early.timestamps, [70, 70, 70, 0]);
     }
 
     #[test]

@@ -59,6 +59,12 @@ impl<const N: usize> Intake<N> {
         Self { commit: Commit::new(), started: false, reset_reason }
     }
 
+    /// Whether the deadline has passed at counter value `now_us`.
+    #[must_use]
+    pub const fn has_lapsed(&self, now_us: u32) -> bool {
+        now_us.wrapping_sub(self.commit.deadline_us()).cast_signed() >= 0
+    }
+
     /// Serves a call of the task `commit` or `deadline`. It publishes the first image at the first call, takes in the
     /// frames that wait, checks the deadline, and withdraws an image that the idle loop found damaged. Then it sets the
     /// timer and begins the next image. Returns whether there was any of this work. Without such work, it prepares an

@@ -5,10 +5,10 @@
 //! The idle loop verifies all of this memory, in one [slice](firmware_common::patrol) every 2.5 ms:
 //!
 //! - *The published image*, object by object ([`ImageCheck`]): an object must have a right CRC, or be zero throughout
-//!   where no object was accepted. The idle loop copies the object's words first, and uses the copy only if the image
-//!   is of the same *generation* before and after. The SSI task increments the generation whenever it exchanges the
+//!   where no object was accepted. The idle loop reads the object's words once, and uses the result only if the image is
+//!   of the same *generation* before and after. The SSI task increments the generation whenever it exchanges the
 //!   image. So the idle loop needs no lock. A wrong object is read a second time before it counts as damaged, since the
-//!   first copy may have been wrong.
+//!   first reading may have been wrong.
 //! - *Flash, code in RAM, guard words, RAM in use*: [`firmware_common::patrol`] verifies them.
 //!
 //! Each finding has a consequence:
@@ -56,7 +56,8 @@ use crate::{link::FRAME_DEADLINE_US, protection::NULL_PAGE_END, telemetry::Telem
 /// clock.
 pub const RATE: Rate = Rate { flash_words: 8, code_words: 4, ram_words: 2 };
 
-/// The number of slices that the idle loop does instead of one while a self-test runs.
+/// The number of slices that the idle loop does instead of one while a self-test runs. All but one verify flash and
+/// RAM in use alone.
 pub const SELF_TEST_SLICES: u32 = 3;
 
 /// The end of the null page in flash, bytes. The memory protection unit denies all accesses to that page.
@@ -76,8 +77,12 @@ pub const OBJECTS_PER_SLICE: u32 = 2;
 pub const IMAGE_DETECT_US: u32 =
     (ImageCheck::<5>::OBJECTS as u32).div_ceil(OBJECTS_PER_SLICE) * SLICE_US + FRAME_DEADLINE_US;
 
-/// The longest time until Link-Status reports a flipped bit in flash, µs: two passes over all 96 KiB of flash.
-pub const FLASH_DETECT_US: u32 = RATE.flash_detect_us(FLASH_BYTES) + FRAME_DEADLINE_US;
+/// The longest time until Link-Status reports a flipped bit in flash, µs: two passes over all 96 KiB of flash, and the
+/// comparison at once that follows.
+pub const FLASH_DETECT_US: u32 = RATE.flash_detect_us(FLASH_BYTES) + COMPARISON_US + FRAME_DEADLINE_US;
+
+/// The longest time of a comparison of all flash at once, µs: 96 KiB at 50 cycles a word.
+const COMPARISON_US: u32 = FLASH_BYTES / 4 * 50 / 64;
 
 /// The longest time from a flipped bit of code in RAM to the safe state, µs: one pass over all RAM that holds code.
 pub const CODE_DETECT_US: u32 = RATE.code_detect_us(CODE_BYTES) + FRAME_DEADLINE_US;
@@ -105,11 +110,9 @@ pub trait Shown {
     /// same image.
     fn generation(&self) -> u32;
 
-    /// Copies words of the image from word `first` on. If the image is exchanged meanwhile, the copy is arbitrary.
-    fn copy(&self, first: usize, words: &mut [u32]);
+    /// Returns these words of the image. If the image is exchanged meanwhile, they are arbitrary.
+    fn words(&self, places: Range<usize>) -> impl Iterator<Item = u32>;
 }
-
-const OBJECT_WORDS: usize = 16;
 
 /// Verifies the objects of the published map for `N` receivers in turn.
 #[derive(Clone, Copy, Debug, Default)]
@@ -172,15 +175,16 @@ impl<const N: usize> ImageCheck<N> {
         if generation == 0 {
             return Found::Unknown;
         }
-        let mut words = [0; OBJECT_WORDS];
-        let words = words.get_mut(..place.len() / 4).unwrap_or_default();
-        shown.copy(place.start / 4, words);
+        // The words are read once, so that the CRC and the comparison with zero judge the same values.
+        let mut any = 0;
+        let words = shown.words(place.start / 4..place.end / 4).inspect(|word| any |= word);
+        let intact = profile::crc::frame_of_words_intact(words);
         if shown.generation() != generation {
             return Found::Unknown;
         }
         // Link-Status and Port-Status must not be zero, since every image has them.
-        let vacant = object != 0 && object != Self::PORT_STATUS && words.iter().all(|word| *word == 0);
-        if vacant || profile::crc::frame_intact(bytemuck::cast_slice(words)) {
+        let vacant = object != 0 && object != Self::PORT_STATUS && any == 0;
+        if vacant || intact {
             Found::Intact
         } else {
             Found::Damaged
@@ -193,12 +197,16 @@ impl<const N: usize> ImageCheck<N> {
 pub struct Integrity {
     /// The generation of the image that was found damaged; 0 if no image was.
     damaged: AtomicU32,
-    flash_fault: AtomicBool,
+    /// [`CHANGED`] if the last pass found flash changed. One flipped bit makes no other value of it.
+    flash: AtomicU32,
     /// Whether flash was found changed since the commit task last asked. The commit task then publishes an image
     /// without objects.
     withdraw: AtomicBool,
     self_test: AtomicU32,
 }
+
+const UNCHANGED: u32 = 0x5A5A_5A5A;
+const CHANGED: u32 = !UNCHANGED;
 
 /// The states of a self-test.
 const NONE: u32 = 0;
@@ -219,7 +227,7 @@ impl Integrity {
     pub const fn new() -> Self {
         Self {
             damaged: AtomicU32::new(0),
-            flash_fault: AtomicBool::new(false),
+            flash: AtomicU32::new(UNCHANGED),
             withdraw: AtomicBool::new(false),
             self_test: AtomicU32::new(NONE),
         }
@@ -228,7 +236,7 @@ impl Integrity {
     /// Whether the last pass found flash changed. If so, images must have no objects.
     #[must_use]
     pub fn flash_fault(&self) -> bool {
-        self.flash_fault.load(Ordering::Relaxed)
+        self.flash.load(Ordering::Relaxed) == CHANGED
     }
 
     /// Whether the image of `generation`, which is read at present, has to be withdrawn. True only once for each
@@ -276,10 +284,10 @@ impl Integrity {
     }
 
     fn flash_pass(&self, intact: bool) {
-        if !intact && !self.flash_fault.load(Ordering::Relaxed) {
+        if !intact && !self.flash_fault() {
             self.withdraw.store(true, Ordering::Relaxed);
         }
-        self.flash_fault.store(!intact, Ordering::Relaxed);
+        self.flash.store(if intact { UNCHANGED } else { CHANGED }, Ordering::Relaxed);
     }
 }
 

@@ -59,7 +59,7 @@ mod app {
         integrity::{self, Consequence, ImageCheck, Integrity, Judge},
         port::{
             areas::{Areas, PortEnd, AREAS},
-            Diagnostics, Prepared, WritePort,
+            brought_nothing, Diagnostics, Prepared, WritePort,
         },
         protection,
         publish::{Mailbox, Outbox, Server},
@@ -71,6 +71,7 @@ mod app {
     };
     use firmware_common::{
         check_in::CheckIn,
+        checked::Checked,
         last_stop::{self, Cause, Stop},
         memory, mpu,
         patrol::{self, ram::APART, Pace, PartMemory, Patrol},
@@ -103,13 +104,21 @@ mod app {
     /// Whether the RFID tasks want the commit task to prepare an image.
     static FRAME_ARRIVES: AtomicBool = AtomicBool::new(false);
 
+    /// Whether a frame has ended, and the commit task has time to verify its state while the last bytes are read.
+    static FRAME_ENDS: AtomicBool = AtomicBool::new(false);
+
+    /// For how long the commit task does not verify its state again, processor cycles: 100 µs. The last bytes of a
+    /// frame are read in less.
+    const VERIFIED_FOR: u32 = 6_400;
+
     /// The least time between two calls by which the scrub task makes all other tasks check in, µs.
     const SIGNS_OF_LIFE_US: u32 = 9_000;
 
     /// The state that the tasks `commit` and `deadline` share, which have one priority.
     pub struct Committing {
-        intake: Intake<RECEIVERS>,
-        filling: Option<Filling<ImageBuffer>>,
+        kept: Checked<(Intake<RECEIVERS>, Option<Filling<ImageBuffer>>)>,
+        /// The value of the cycle counter when `kept` was last verified for a frame that had ended.
+        verified: u32,
         deadline: Deadline,
     }
 
@@ -132,7 +141,7 @@ mod app {
     struct Local {
         ssi: SsiPort,
         server: Server<MAP_BYTES>,
-        port: WritePort,
+        port: Checked<WritePort>,
         areas: PortEnd<'static, AreaBuffer>,
         spare: &'static mut Area,
         rf_edge: RfEdge,
@@ -212,7 +221,7 @@ mod app {
         #[cfg(not(feature = "hold"))]
         let (hold, responder, hold_edge) = ((), (), ());
         let intake = Intake::new(board.reset_reason);
-        let committing = Committing { intake, filling: None, deadline: board.deadline };
+        let committing = Committing { kept: Checked::new((intake, None)), verified: 0, deadline: board.deadline };
         let mut memory = PartMemory::take();
         let patrol = Patrol::new(patrol::layout(integrity::SHUT_END, shared), integrity::RATE, &mut memory);
         mpu::apply(&mut core.MPU, &protection::TASKS);
@@ -232,7 +241,7 @@ mod app {
             Local {
                 ssi: board.ssi,
                 server: Server::new(),
-                port,
+                port: Checked::new(port),
                 areas,
                 spare,
                 rf_edge: board.rf_edge,
@@ -270,8 +279,14 @@ mod app {
             }
             let each = if INTEGRITY.is_self_test_running() { integrity::SELF_TEST_SLICES } else { 1 };
             for number in 0..due * each {
-                let slice = cx.local.patrol.slice(cx.local.memory);
-                // A self-test does not verify the published image, so that image gets its usual number of slices.
+                let (patrol, memory) = (&mut *cx.local.patrol, &mut *cx.local.memory);
+                let mut slice = if number < due { patrol.slice(memory) } else { patrol.passes(memory) };
+                // A bit of the patrol's own state that flips looks like changed flash. So what counts is a comparison
+                // without that state.
+                if slice.flash.is_some_and(|found| !found.is_intact()) {
+                    slice.flash = Some(memory.compare());
+                }
+                // A self-test needs neither the image nor code in RAM, which get their usual number of slices.
                 let damaged = if number < due { image.slice(&hw::ShownImage) } else { None };
                 match judge.judge(&slice, damaged, &INTEGRITY, &TELEMETRY) {
                     Consequence::None => {}
@@ -309,6 +324,19 @@ mod app {
         }
     }
 
+    /// Verifies what was kept since the last call, changes it by `with`, and checks it anew. The DPR stops if a bit of it
+    /// has flipped.
+    fn change<T, R>(kept: &mut Checked<T>, with: impl FnOnce(&mut T) -> R) -> R {
+        if !kept.is_intact() {
+            stop_changed(kept.address());
+        }
+        kept.change_verified(with)
+    }
+
+    fn stop_changed(address: u32) -> ! {
+        stop("kept state", Stop::new(Cause::Ram, safe_state::active_exception(), address))
+    }
+
     /// Stops the DPR because of `stop`, which the check of `what` has found.
     #[cold]
     #[inline(never)]
@@ -343,6 +371,11 @@ mod app {
     fn rf_irq(cx: rf_irq::Context) {
         cx.local.rf_edge.clear();
         receive(cx.shared.receiver, cx.shared.rotation, cx.shared.front_end);
+        // Only the end of a frame raises the pin when most of the frame has arrived.
+        if cx.shared.receiver.has_most_of_a_frame() {
+            FRAME_ENDS.store(true, Ordering::Relaxed);
+            board::call(Task::commit);
+        }
         CHECK_IN.check_in(Task::rf_irq);
     }
 
@@ -364,6 +397,7 @@ mod app {
                 board::call(Task::commit);
             }
             Call::Handed => {
+                FRAME_ENDS.store(false, Ordering::Relaxed);
                 board::call(Task::commit);
                 board::call_step(Task::scrub);
             }
@@ -373,6 +407,15 @@ mod app {
     #[task(binds = SWI0_EGU0, priority = 4, shared = [committing, rotation, mailbox, prepared, front_end])]
     fn commit(cx: commit::Context) {
         let commit::SharedResources { committing, rotation, mailbox, mut prepared, front_end } = cx.shared;
+        if FRAME_ENDS.swap(false, Ordering::Relaxed) {
+            // The task is called again when the frame's last bytes have been read.
+            committing.verified = DWT::cycle_count();
+            if !committing.kept.is_intact() {
+                stop_changed(committing.kept.address());
+            }
+            CHECK_IN.check_in(Task::commit);
+            return;
+        }
         prepared.lock(|prepared| publish(committing, rotation, mailbox, prepared.newest(), front_end));
         CHECK_IN.check_in(Task::commit);
     }
@@ -384,6 +427,11 @@ mod app {
         // Without the timer's event only `scrub` has called the task. Its mark is left if both have.
         if !cx.shared.committing.deadline.clear() {
             begin(Task::deadline);
+            let kept = &cx.shared.committing.kept;
+            if kept.is_intact() && !kept.get().0.has_lapsed(hw::now_us()) {
+                CHECK_IN.check_in(Task::deadline);
+                return;
+            }
         }
         let deadline::SharedResources { committing, rotation, mailbox, mut prepared, front_end } = cx.shared;
         prepared.lock(|prepared| publish(committing, rotation, mailbox, prepared.newest(), front_end));
@@ -398,15 +446,20 @@ mod app {
         mut front_end: impl Mutex<T = FrontEnd>,
     ) {
         let start = DWT::cycle_count();
+        if start.wrapping_sub(committing.verified) > VERIFIED_FOR && !committing.kept.is_intact() {
+            stop_changed(committing.kept.address());
+        }
         let notices = Notices {
             frame_arrives: FRAME_ARRIVES.swap(false, Ordering::Relaxed),
             front_end: front_end.lock(|state| *state),
             integrity: &INTEGRITY,
             shown: hw::ShownImage,
         };
-        let Committing { intake, filling, deadline } = committing;
-        let mut outbox = Outbox { mailbox, filling, doorbell: SsiDoorbell, port, telemetry: &TELEMETRY };
-        if intake.serve(rotation, &notices, &mut outbox, deadline) {
+        let published = committing.kept.change_verified(|(intake, filling)| {
+            let mut outbox = Outbox { mailbox, filling, doorbell: SsiDoorbell, port, telemetry: &TELEMETRY };
+            intake.serve(rotation, &notices, &mut outbox, &mut committing.deadline)
+        });
+        if published {
             TELEMETRY.commit_worst_cycles.record_max(DWT::cycle_count().wrapping_sub(start));
             board::call_step(Task::scrub);
         }
@@ -449,37 +502,42 @@ mod app {
         // The loop ends, because the SSI task grants only a bounded number of transactions between two images.
         let mut changed = false;
         while let Some(brought) = areas.take() {
-            changed |= port.transaction(*brought.about(), brought.memory(), hw::now_us());
+            let area: &ReceiveArea = brought.memory();
+            if !brought_nothing(area) {
+                changed |= change(port, |port| port.transaction(*brought.about(), area, hw::now_us()));
+            }
             TELEMETRY.scrubbed(areas.done(brought));
         }
         let publications = TELEMETRY.publications.get();
         changed |= core::mem::replace(prepared_for, publications) != publications;
-        #[cfg(feature = "hold")]
-        let hold = cx.shared.hold.lock(|hold| {
-            port.hand_on(hold);
-            hold.show(hw::now_us(), &mut spare.hold)
-        });
-        let diagnostics = Diagnostics {
-            too_many: TELEMETRY.ssi_budgets_spent.get().wrapping_add(TELEMETRY.ssi_objects_dropped.get()),
-            integrity_faults: TELEMETRY.image_faults.get(),
-            flash_passes: TELEMETRY.flash_passes.get(),
-            stuck_bits: TELEMETRY.scrub_faults.get(),
-            buffers_out_of_use: TELEMETRY.buffers_out_of_use.get(),
-            last_stop: last_stop::code(),
-            #[cfg(feature = "hold")]
-            hold,
-        };
-        if let Some(passed) = INTEGRITY.serve_self_test(port.self_test_requested()) {
-            port.self_test_done(passed);
-            changed = true;
-        }
-        if changed {
-            port.prepare(&diagnostics, hw::now_us(), &mut spare.port);
+        let self_test = INTEGRITY.serve_self_test(port.get().self_test_requested());
+        if changed || self_test.is_some() {
+            change(port, |port| {
+                if let Some(passed) = self_test {
+                    port.self_test_done(passed);
+                }
+                #[cfg(feature = "hold")]
+                let hold = cx.shared.hold.lock(|hold| {
+                    port.hand_on(hold);
+                    hold.show(hw::now_us(), &mut spare.hold)
+                });
+                let diagnostics = Diagnostics {
+                    too_many: TELEMETRY.ssi_budgets_spent.get().wrapping_add(TELEMETRY.ssi_objects_dropped.get()),
+                    integrity_faults: TELEMETRY.image_faults.get(),
+                    flash_passes: TELEMETRY.flash_passes.get(),
+                    stuck_bits: TELEMETRY.scrub_faults.get(),
+                    buffers_out_of_use: TELEMETRY.buffers_out_of_use.get(),
+                    last_stop: last_stop::code(),
+                    #[cfg(feature = "hold")]
+                    hold,
+                };
+                port.prepare(&diagnostics, hw::now_us(), &mut spare.port);
+                TELEMETRY.access_violations.set(port.access_violations());
+                TELEMETRY.uplink_rejected.set(u32::from(port.last_refused()));
+                TELEMETRY.uplinks_accepted.set(port.uplinks_accepted());
+            });
             cx.shared.prepared.lock(|prepared| prepared.exchange(spare));
         }
-        TELEMETRY.access_violations.set(port.access_violations());
-        TELEMETRY.uplink_rejected.set(u32::from(port.last_refused()));
-        TELEMETRY.uplinks_accepted.set(port.uplinks_accepted());
         CHECK_IN.check_in(Task::port);
         TELEMETRY.port_worst_cycles.record_max(DWT::cycle_count().wrapping_sub(start));
     }

@@ -224,6 +224,16 @@ impl<P: FrontEndPort> Reception<P> {
         }
     }
 
+    /// Returns whether objects of the frame that is being received were verified already. If so, this verifies what is
+    /// kept of them.
+    pub fn has_most_of_a_frame(&mut self) -> bool {
+        let begun = self.early.done() > 0;
+        if begun {
+            self.early.verify();
+        }
+        begun
+    }
+
     /// Returns the port, for tests.
     pub fn port(&mut self) -> &mut P {
         self.executor.port()

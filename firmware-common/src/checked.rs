@@ -64,9 +64,15 @@ impl<T> Checked<T> {
         if !self.is_intact() {
             return None;
         }
+        Some(self.change_verified(change))
+    }
+
+    /// Changes the state by `change` as [`Checked::change`] does, but without verifying it: the caller has just asked
+    /// [`Checked::is_intact`].
+    pub fn change_verified<R>(&mut self, change: impl FnOnce(&mut T) -> R) -> R {
         let result = change(&mut self.state);
         self.check = self.sum();
-        Some(result)
+        result
     }
 
     /// Replaces the whole state, intact or not.

@@ -30,37 +30,50 @@ pub fn load(address: u32) -> u32 {
 }
 
 /// Returns the sum of the words at `range`, each added to the sum before it, rotated by one bit ([`checked`]). The
-/// range has whole words that may be read. A word costs about 4 cycles.
+/// range has whole words that may be read. A word costs about 3 cycles.
 ///
 /// [`checked`]: crate::checked
 #[inline(never)]
 pub(crate) fn sum(range: Range<u32>) -> u32 {
-    let mut sum = 0;
-    let fours = range.start + (range.end - range.start) / 16 * 16;
-    // SAFETY: as in `load`; all loads are inside the range, since the loop ends at its last whole four words.
+    let mut sum: u32 = 0;
+    let mut at = range.start;
+    let eights = at + (range.end - at) / 32 * 32;
+    // SAFETY: as in `load`; all loads are inside the range, since the loop ends at its last whole eight words.
     unsafe {
         asm!(
             "b 3f",
             "2:",
-            "ldm {at}!, {{r0, r1, r2, r3}}",
+            "ldm {at}!, {{r0, r1, r2, r3, r4, r5, r8, r9}}",
             "add {sum}, r0, {sum}, ror #31",
             "add {sum}, r1, {sum}, ror #31",
             "add {sum}, r2, {sum}, ror #31",
             "add {sum}, r3, {sum}, ror #31",
+            "add {sum}, r4, {sum}, ror #31",
+            "add {sum}, r5, {sum}, ror #31",
+            "add {sum}, r8, {sum}, ror #31",
+            "add {sum}, r9, {sum}, ror #31",
             "3:",
             "cmp {at}, {end}",
             "bne 2b",
-            at = inout(reg) range.start => _,
-            end = in(reg) fours,
+            at = inout(reg) at,
+            end = in(reg) eights,
             sum = inout(reg) sum,
             out("r0") _,
             out("r1") _,
             out("r2") _,
             out("r3") _,
+            out("r4") _,
+            out("r5") _,
+            out("r8") _,
+            out("r9") _,
             options(readonly, nostack)
         );
     }
-    (fours..range.end).step_by(4).fold(sum, |sum: u32, at| sum.rotate_left(1).wrapping_add(load(at)))
+    while at != range.end {
+        sum = sum.rotate_left(1).wrapping_add(load(at));
+        at += 4;
+    }
+    sum
 }
 
 /// Returns the word at `address` of flash, even if the memory protection unit denies access to it.

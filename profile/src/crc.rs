@@ -211,6 +211,20 @@ pub fn frame_intact(bytes: &[u8]) -> bool {
     frame(bytes) ^ FRAME.xorout == FRAME_RESIDUE
 }
 
+/// Whether words in the order of their addresses are intact, as [`frame_intact`] says of their bytes.
+///
+/// ```
+/// use profile::crc;
+///
+/// let words = [u32::from_le_bytes(*b"1234"), crc::frame(b"1234").swap_bytes()];
+/// assert!(crc::frame_of_words_intact(words.into_iter()));
+/// assert!(!crc::frame_of_words_intact([0x3433_3230, words[1]].into_iter()));
+/// ```
+#[must_use]
+pub fn frame_of_words_intact(words: impl Iterator<Item = u32>) -> bool {
+    frame_of_words(words) ^ FRAME.xorout == FRAME_RESIDUE
+}
+
 /// Whether `bytes` are intact by the position CRC in their last four bytes.
 ///
 /// Fewer than four bytes are never intact. Four zeros are intact, because 0 is the CRC of no data.

@@ -183,8 +183,8 @@ const DPR: &[Row] = &[
         Group::Cycle,
         1_900 * US,
         "the rest of the shortest frame behind its first 16 bytes",
-        (4, CYCLE, 10 * US),
-        "each frame's beginning, and a call a cycle",
+        (6, CYCLE, 10 * US),
+        "each frame's beginning and end, and a call a cycle",
     ),
     (
         PUBLISHES,

@@ -1,6 +1,9 @@
 //! The image that the flight controller reads at present. The idle loop verifies it through this module.
 
-use core::sync::atomic::{AtomicU32, Ordering};
+use core::{
+    ops::Range,
+    sync::atomic::{AtomicU32, Ordering},
+};
 
 use dpr_fw::{integrity::Shown, ImageMemory, IMAGE_WORDS};
 use firmware_common::memory;
@@ -29,10 +32,8 @@ impl Shown for ShownImage {
     }
 
     /// Loads the words in assembly, because a reference would promise that no other task changes them.
-    fn copy(&self, first: usize, words: &mut [u32]) {
+    fn words(&self, places: Range<usize>) -> impl Iterator<Item = u32> {
         let image = ADDRESS.load(Ordering::Relaxed);
-        for (word, index) in words.iter_mut().zip(first..IMAGE_WORDS) {
-            *word = memory::load(image + 4 * index as u32);
-        }
+        (places.start..places.end.min(IMAGE_WORDS)).map(move |index| memory::load(image + 4 * index as u32))
     }
 }

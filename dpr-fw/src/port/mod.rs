@@ -57,6 +57,13 @@ fn is_idle(bytes: &[u8]) -> bool {
     any == 0 || all == u32::MAX
 }
 
+/// Whether a transaction brought no byte. Areas are scrubbed, so its area has only zeros then. Most transactions only
+/// read.
+#[must_use]
+pub fn brought_nothing(area: &ReceiveArea) -> bool {
+    area.iter().fold(0, |any, word| any | word) == 0
+}
+
 /// The values for Port-Status that other tasks hold.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Diagnostics {
@@ -172,9 +179,7 @@ impl WritePort {
     pub fn transaction(&mut self, transaction: Transaction, area: &ReceiveArea, now_us: u32) -> bool {
         self.clock.advance(now_us);
         let total = self.total;
-        // Areas are scrubbed, so an area of zeros means that the transaction brought no byte. Most transactions only
-        // read.
-        if area.iter().all(|word| *word == 0) {
+        if brought_nothing(area) {
             return false;
         }
         let area: &[u8] = bytemuck::cast_slice(area);
