@@ -7,7 +7,7 @@
 //! |---|---|
 //! | the bench runs the release images, and each core notes what it executes | `coverage` of `cortex_m4` and `bench` |
 //! | the image's instructions are found without executing it | [`image`] |
-//! | the runs | [`runs`], [`messages`] |
+//! | the runs | [`runs`], [`scripted`], [`messages`] |
 //! | what leads only to a panic is told apart, and so is the log | [`paths`], [`callers`], [`gaps`] |
 //! | instructions are led back to source lines, and their comments read | [`source`] |
 //! | both are compared and printed | [`gaps`], [`report`] |
@@ -24,6 +24,7 @@ mod part;
 mod paths;
 mod report;
 mod runs;
+mod scripted;
 mod source;
 
 use std::cmp::Reverse;
@@ -49,7 +50,7 @@ use crate::{Receivers, firmware, sim};
 use image::Image;
 use part::Part;
 use report::{Explained, Measured};
-use runs::Run;
+use runs::{Addresses, Run};
 use source::{Place, Source};
 
 /// The page with the totals.
@@ -167,11 +168,12 @@ fn fly(args: &CoverageArgs, gps: Receivers) -> Result<Vec<Flown>> {
         let images = Images { horus: horus_elf.clone(), dpr: elf };
         let (hold_elf, hold_record) = hold.unzip();
         let records = Records { horus: horus.record.clone(), dpr: flown_dpr.record.clone(), hold: hold_record };
-        let crcs = [horus.image.program_crc, flown_dpr.image.program_crc];
+        let of_both = |address: fn(&Image) -> u32| [address(&horus.image), address(&flown_dpr.image)];
+        let addresses = Addresses { crcs: of_both(|image| image.program_crc), ram: of_both(|image| image.ram) };
         for &seed in &args.seeds {
             let new = Setup::new(images.clone(), gps.0, 0);
             let setup = Setup { seed, writes: true, hold: hold_elf.clone(), threads: Threads::One, ..new };
-            flights.extend(flights_of(args, &setup, &records, crcs));
+            flights.extend(flights_of(args, &setup, &records, addresses));
             benches.push((setup, records.clone()));
         }
     }
@@ -192,10 +194,10 @@ struct Flight {
 }
 
 /// Returns all runs of one seed with the images of `setup`.
-fn flights_of(args: &CoverageArgs, setup: &Setup, records: &Records, crcs: runs::ProgramCrcs) -> Vec<Flight> {
+fn flights_of(args: &CoverageArgs, setup: &Setup, records: &Records, addresses: Addresses) -> Vec<Flight> {
     let duration_ns = (args.seconds * 1e9).round() as u64;
-    let crcs = args.faults.is_none().then_some(crcs);
-    let runs = runs::runs(&kinds(args, setup), setup.gps, setup.seed, duration_ns, crcs, setup.hold.is_some());
+    let addresses = args.faults.is_none().then_some(addresses);
+    let runs = runs::runs(&kinds(args, setup), setup.gps, setup.seed, duration_ns, addresses, setup.hold.is_some());
     runs.into_iter().map(|run| Flight { run, setup: setup.clone(), records: records.clone() }).collect()
 }
 
