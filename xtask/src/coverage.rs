@@ -10,13 +10,16 @@
 //! | the runs | [`runs`], [`scripted`], [`messages`] |
 //! | what leads only to a panic is told apart, and so is the log | [`paths`], [`callers`], [`gaps`] |
 //! | instructions are led back to source lines, and their comments read | [`source`] |
-//! | both are compared and printed | [`gaps`], [`report`] |
+//! | both are compared, and gaps explained | [`gaps`], [`explained`] |
+//! | all is printed | [`report`] |
 //!
 //! A gap is closed by a test on the bench, or explained beside the code by a comment `Not covered`, a colon and the
-//! reason above the statement, arm or item. The command fails on a gap without explanation in code that decides or has
-//! a deadline, and on an explanation of what is covered.
+//! reason above the statement, arm or item. Gaps in code of libraries are explained in a table ([`explained`]). The
+//! command fails on a gap without explanation in code that decides or has a deadline, and on an explanation of what is
+//! covered.
 
 mod callers;
+mod explained;
 mod gaps;
 mod image;
 mod messages;
@@ -28,7 +31,7 @@ mod scripted;
 mod source;
 
 use std::cmp::Reverse;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -47,11 +50,11 @@ use rayon::prelude::*;
 use crate::output::Output;
 use crate::workspace::{root, tracked};
 use crate::{Receivers, firmware, sim};
+use explained::explain;
 use image::Image;
-use part::Part;
-use report::{Explained, Measured};
+use report::Measured;
 use runs::{Addresses, Run};
-use source::{Place, Source};
+use source::Source;
 
 /// The page with the totals.
 const PAGE: &str = "docs/safety/coverage.md";
@@ -104,13 +107,13 @@ impl Flown {
 
 pub(crate) fn coverage(args: &CoverageArgs) -> Result<ExitCode> {
     let json = args.json.as_deref().map(|path| Output::new("--json", path)).transpose()?;
+    let (sources, reasons) = (sources()?, explained::reasons()?);
     let mut flown = Vec::new();
     for &gps in &args.gps {
         flown.extend(fly(args, gps)?);
     }
-    let sources = sources()?;
     let measured = flown.iter().map(|flown| measure(flown, &sources)).collect::<Result<Vec<_>>>()?;
-    let explained = explain(&measured, &sources);
+    let explained = explain(&measured, &sources, reasons);
     let summary = report::summary(&measured, &explained);
     print!("{}\n{summary}", report::text(&measured, &explained));
     if let Some(json) = json {
@@ -240,47 +243,6 @@ fn upset(args: &CoverageArgs, setup: Setup, records: &Records) -> Result<()> {
     let tally = campaign::run(&Setup { clock, ..setup }, &options, Some(records), &|_| ())?;
     eprintln!("{with}: {} upsets", tally.sum().injected());
     Ok(())
-}
-
-/// Finds which gaps the sources explain.
-fn explain(measured: &[Measured], sources: &BTreeMap<String, Source>) -> Explained {
-    let mut explained = Explained::default();
-    let mut used = BTreeSet::new();
-    let gaps = measured.iter().enumerate();
-    let gaps = gaps.flat_map(|(image, measured)| measured.coverage.gaps.iter().map(move |gap| (image, gap)));
-    for (image, gap) in gaps {
-        let of_place = |place: &Place| {
-            let all = sources.get(&place.file)?.explained.iter();
-            let mut fitting = all.filter(|explanation| explanation.lines.contains(&place.line));
-            fitting.next().map(|explanation| Place { file: place.file.clone(), line: explanation.at })
-        };
-        let by = gap.places.iter().find_map(of_place);
-        let known = by.is_some();
-        used.extend(by);
-        if Part::COUNTED.contains(&gap.part) {
-            let count = explained.parts.entry(gap.part).or_default();
-            count.all += 1;
-            count.seen += u64::from(known);
-        }
-        if known {
-            explained.gaps.insert((image, gap.address));
-        } else if gap.part.must_be_explained() {
-            explained.open += 1;
-        }
-    }
-    for (file, source) in sources {
-        for explanation in &source.explained {
-            let at = Place { file: file.clone(), line: explanation.at };
-            let is_flown = |line: u32| {
-                let place = Place { file: file.clone(), line };
-                measured.iter().any(|measured| measured.lines.contains(&place))
-            };
-            if !used.contains(&at) && explanation.lines.clone().any(is_flown) {
-                explained.needless.push(at);
-            }
-        }
-    }
-    explained
 }
 
 /// Reads the sources of this workspace in Rust.

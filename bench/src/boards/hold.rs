@@ -36,8 +36,8 @@ pub struct Hold {
     pub front_end: FrontEnd,
     /// The payload: box, vibration and sensors.
     pub payload: Payload,
-    /// The last level of SDA that the part has received; `None` before the first.
-    sda: Option<bool>,
+    /// The last levels of SCL and SDA that the part has received; `None` before the first.
+    lines: [Option<bool>; 2],
     outputs: Outputs,
     /// The changes of the lock's pin since the last call that took them, each with its instant, ns.
     locked: Vec<(u64, bool)>,
@@ -50,7 +50,7 @@ impl Hold {
         Self {
             front_end: FrontEnd::new(chip, NRF_FRONT_END, false),
             payload: Payload::new(seed),
-            sda: None,
+            lines: [None; 2],
             outputs: Outputs::default(),
             locked: vec![],
         }
@@ -83,6 +83,7 @@ impl Board for Hold {
                 }
                 return;
             }
+            SCL => return self.payload.clock(pad != Pad::Driven(false)),
             _ => return self.front_end.pin(at, pin, pad),
         }
         self.payload.climate.switch(at, self.outputs.heater, self.outputs.cooler);
@@ -101,12 +102,10 @@ impl Board for Hold {
     }
 
     fn settle(&mut self, at: u64, inputs: &mut Vec<Input>) {
-        if self.sda.is_none() {
-            inputs.push(Input::Level(SCL, Some(true)));
-        }
-        let sda = !self.payload.holds_sda();
-        if self.sda.replace(sda) != Some(sda) {
-            inputs.push(Input::Level(SDA, Some(sda)));
+        for ((pin, low), last) in [SCL, SDA].into_iter().zip(self.payload.holds()).zip(&mut self.lines) {
+            if last.replace(!low) != Some(!low) {
+                inputs.push(Input::Level(pin, Some(!low)));
+            }
         }
         self.front_end.settle(at, inputs);
     }

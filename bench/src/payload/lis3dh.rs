@@ -93,6 +93,8 @@ pub struct Lis3dh {
     seen: [u64; 3],
     /// For each axis, the sample whose bytes are being read, while BDU keeps it from changing.
     kept: [Option<[u8; 2]>; 3],
+    /// Whether the byte that was read last is one of a sample.
+    data_read: bool,
     misuse: Option<String>,
 }
 
@@ -115,6 +117,7 @@ impl Lis3dh {
             taken: 0,
             seen: [0; 3],
             kept: [None; 3],
+            data_read: false,
             misuse: None,
         };
         sensor.power_on(0);
@@ -135,6 +138,11 @@ impl Lis3dh {
         self.ready_at = at + BOOTS;
         (self.state, self.sampling, self.kept) = (State::Idle, None, [None; 3]);
         (self.fifo_from, self.taken, self.seen) = (0, 0, [0; 3]);
+    }
+
+    /// Whether the byte that was read last is one of a sample.
+    pub(super) fn sends_data(&self) -> bool {
+        self.data_read
     }
 
     fn value(&self, register: u8) -> u8 {
@@ -174,6 +182,7 @@ impl Lis3dh {
                 if self.state != State::Read {
                     return I2cAnswer::NOBODY;
                 }
+                self.data_read = OUT.contains(&self.register);
                 let data = self.load(at, self.register, vibration);
                 self.count_up();
                 if !acknowledged {

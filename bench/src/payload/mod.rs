@@ -15,8 +15,8 @@ mod vibration;
 
 use emulator_part::{I2cAnswer, I2cEvent};
 
-use crate::faults::Rng;
 use crate::faults::hold::Sensor;
+use crate::faults::{Rng, SensorFault};
 pub use climate::{Air, Climate};
 pub use lis3dh::Lis3dh;
 pub use sht4x::Sht4x;
@@ -45,7 +45,20 @@ pub struct Payload {
     lies: Option<(Sensor, Rng)>,
     /// Whether SDA is held low.
     stuck: bool,
+    /// The number of clocks until a sensor releases SDA, and the last level of SCL.
+    clocks: u8,
+    scl: bool,
+    /// The sensor that acknowledges no byte but its address.
+    refuses: Option<Sensor>,
+    /// The sensor that holds SCL low once it is addressed, and whether it does.
+    stretches: Option<Sensor>,
+    stretched: bool,
+    /// Whether the accelerometer measures nothing.
+    numb: bool,
 }
+
+/// The time, ns, for which a sensor stretches the clock that holds SCL low: longer than anyone waits.
+const FOR_EVER: u64 = 1_000_000_000;
 
 impl Payload {
     /// Returns a payload whose properties are drawn from `seed`.
@@ -62,6 +75,12 @@ impl Payload {
             silent: None,
             lies: None,
             stuck: false,
+            clocks: 0,
+            scl: true,
+            refuses: None,
+            stretches: None,
+            stretched: false,
+            numb: false,
         }
     }
 
@@ -80,24 +99,55 @@ impl Payload {
         self.stuck = low;
     }
 
-    /// Whether SDA is held low.
+    /// Whether SCL and SDA are held low.
     #[must_use]
-    pub fn holds_sda(&self) -> bool {
-        self.stuck
+    pub fn holds(&self) -> [bool; 2] {
+        [self.stretched, self.stuck || self.clocks > 0]
+    }
+
+    /// Begins (`begins`) or ends a fault of the sensors at `at` (ns).
+    pub fn turn(&mut self, at: u64, fault: SensorFault, begins: bool) {
+        match fault {
+            SensorFault::Refuses(sensor) => self.refuses = begins.then_some(sensor),
+            SensorFault::HoldsScl(sensor) => {
+                self.stretches = begins.then_some(sensor);
+                self.stretched &= begins;
+            }
+            SensorFault::HoldsSda(clocks) => self.clocks = if begins { clocks } else { 0 },
+            SensorFault::Numb => self.numb = begins,
+            SensorFault::Restart if begins => self.power_on(at),
+            SensorFault::Celsius(celsius) if begins => self.climate.warm_to(at, celsius.into()),
+            SensorFault::Restart | SensorFault::Celsius(_) => {}
+        }
+    }
+
+    /// The controller has released SCL or driven it low by hand. A sensor in the middle of a byte shifts on at each
+    /// rise, and releases SDA when the byte has ended (UM10204, 3.1.16).
+    pub fn clock(&mut self, high: bool) {
+        if high && !self.scl {
+            self.clocks = self.clocks.saturating_sub(1);
+        }
+        self.scl = high;
     }
 
     /// Answers `event` of the I2C controller, which ended at `at` (ns).
     pub fn i2c(&mut self, at: u64, event: I2cEvent) -> I2cAnswer {
-        if self.stuck {
-            return I2cAnswer::NOBODY;
+        if self.stuck || self.clocks > 0 {
+            // A low SDA is an acknowledgement and a zero, but a start needs a high one (UM10204, 3.1.4 to 3.1.6).
+            let acknowledged = matches!(event, I2cEvent::Write(_) | I2cEvent::Read(_));
+            return I2cAnswer { acknowledged, data: 0, ..I2cAnswer::NOBODY };
         }
-        let Self { climate, vibration, sht4x, lis3dh, silent, lies, .. } = self;
+        let Self { climate, vibration, sht4x, lis3dh, silent, lies, refuses, numb, .. } = self;
         let answers = [
             (Sensor::Climate, sht4x.act(at, event, || climate.air(at))),
             (Sensor::Vibration, lis3dh.act(at, event, vibration)),
         ];
         let answer = answers.into_iter().find(|(sensor, answer)| answer.acknowledged && *silent != Some(*sensor));
         let heard = match (answer, lies) {
+            (Some((sensor, _)), _) if matches!(event, I2cEvent::Write(_)) && *refuses == Some(sensor) => {
+                I2cAnswer::NOBODY
+            }
+            (Some((Sensor::Vibration, answer)), _) if *numb && lis3dh.sends_data() => I2cAnswer { data: 0, ..answer },
             (Some((sensor, answer)), Some((lying, rng))) if sensor == *lying => {
                 I2cAnswer { data: rng.byte(), ..answer }
             }
@@ -113,7 +163,10 @@ impl Payload {
             }
             _ => self.sent.clear(),
         }
-        heard
+        // A target may hold SCL low after any byte until it is ready for the next one (UM10204, 3.1.9).
+        let stretches = answer.is_some_and(|(sensor, _)| self.stretches == Some(sensor));
+        self.stretched |= stretches;
+        I2cAnswer { stretched_ns: if stretches { FOR_EVER } else { heard.stretched_ns }, ..heard }
     }
 
     /// The instant, ns, at which the climate sensor last sent a whole measurement with the right CRCs.

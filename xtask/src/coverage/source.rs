@@ -30,10 +30,21 @@ impl fmt::Display for Place {
 pub(super) struct Origin {
     /// The lines of this workspace, from the innermost inlined function to the outermost. Empty for code of libraries.
     pub(super) places: Vec<Place>,
+    /// The names of the functions that are inlined here.
+    pub(super) inlined: Vec<String>,
     /// Whether it belongs to the logger, whose code is inlined where a message is written.
     pub(super) logs: bool,
     /// The file of the innermost function if it is one of a library, inlined or not; else empty.
     pub(super) library: String,
+}
+
+impl Origin {
+    /// This origin, or `before` if the compiler names no line: it does so for a copy between registers and what else it
+    /// adds between two lines.
+    fn or_that_before(self, before: Option<Self>) -> Self {
+        let is_known = !self.places.is_empty() || !self.library.is_empty() || self.logs;
+        before.filter(|_| !is_known).unwrap_or(self)
+    }
 }
 
 /// Returns the origin of each instruction, by its address.
@@ -48,10 +59,13 @@ pub(super) fn origins(image: &Image) -> Result<BTreeMap<u32, Origin>> {
     let lines = addr2line::Context::from_dwarf(dwarf).context("the debug information cannot be read")?;
     let root = format!("{}/", root().display());
     let mut origins = BTreeMap::new();
-    for &address in image.code.keys() {
+    let mut before: Option<(usize, Origin)> = None;
+    for (&address, instruction) in &image.code {
         let mut origin = Origin::default();
         let mut frames = lines.find_frames(u64::from(address)).skip_all_loads()?;
+        let mut names = vec![];
         while let Some(frame) = frames.next()? {
+            names.extend(frame.function.as_ref().and_then(|name| Some(name.demangle().ok()?.into_owned())));
             let Some((file, line)) = frame.location.and_then(|place| Some((place.file?, place.line?))) else {
                 continue;
             };
@@ -64,7 +78,12 @@ pub(super) fn origins(image: &Image) -> Result<BTreeMap<u32, Origin>> {
                 origin.places.push(Place { file: file.to_owned(), line });
             }
         }
-        origins.insert(address, origin);
+        // The outermost function is that of the image's symbol.
+        names.pop();
+        origin.inlined = names;
+        let function = instruction.function;
+        before = Some((function, origin.or_that_before(before.filter(|(of, _)| *of == function).map(|it| it.1))));
+        origins.extend(before.iter().map(|(_, origin)| (address, origin.clone())));
     }
     Ok(origins)
 }
@@ -135,6 +154,16 @@ mod tests {
         assert_eq!(explained[0], Explanation { at: 2, lines: 4..=6 });
         assert_eq!(explained[1], Explanation { at: 8, lines: 9..=9 });
         assert_eq!(explained.len(), 2);
+    }
+
+    #[test]
+    fn an_instruction_without_a_line_belongs_to_the_one_before() {
+        let of = |line| Origin { places: vec![Place { file: "a.rs".into(), line }], ..Origin::default() };
+        let library = Origin { library: "mem.rs".into(), ..Origin::default() };
+        assert_eq!(Origin::default().or_that_before(Some(of(3))), of(3));
+        assert_eq!(Origin::default().or_that_before(None), Origin::default());
+        assert_eq!(of(4).or_that_before(Some(of(3))), of(4));
+        assert_eq!(library.clone().or_that_before(Some(of(3))), library);
     }
 
     #[test]
