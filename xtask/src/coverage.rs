@@ -10,7 +10,7 @@
 //! | the runs | [`runs`], [`scripted`], [`messages`] |
 //! | what leads only to a panic is told apart, and so is the log | [`paths`], [`callers`], [`gaps`] |
 //! | instructions are led back to source lines, and their comments read | [`source`] |
-//! | both are compared, and gaps explained | [`gaps`], [`explained`] |
+//! | both are compared, and gaps explained | [`gaps`], [`twins`], [`explained`] |
 //! | all is printed | [`report`] |
 //!
 //! A gap is closed by a test on the bench, or explained beside the code by a comment `Not covered`, a colon and the
@@ -29,6 +29,7 @@ mod report;
 mod runs;
 mod scripted;
 mod source;
+mod twins;
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
@@ -172,7 +173,12 @@ fn fly(args: &CoverageArgs, gps: Receivers) -> Result<Vec<Flown>> {
         let (hold_elf, hold_record) = hold.unzip();
         let records = Records { horus: horus.record.clone(), dpr: flown_dpr.record.clone(), hold: hold_record };
         let of_both = |address: fn(&Image) -> u32| [address(&horus.image), address(&flown_dpr.image)];
-        let addresses = Addresses { crcs: of_both(|image| image.program_crc), ram: of_both(|image| image.ram) };
+        let addresses = Addresses {
+            crcs: of_both(|image| image.program_crc),
+            ram: of_both(|image| image.ram),
+            guards: of_both(|image| image.guard),
+            hot: of_both(|image| image.hot),
+        };
         for &seed in &args.seeds {
             let new = Setup::new(images.clone(), gps.0, 0);
             let setup = Setup { seed, writes: true, hold: hold_elf.clone(), threads: Threads::One, ..new };

@@ -53,6 +53,20 @@ pub(super) struct Addresses {
     pub(super) crcs: [u32; 2],
     /// The beginnings of RAM.
     pub(super) ram: [u32; 2],
+    /// A guard word.
+    pub(super) guards: [u32; 2],
+    /// The code that runs from RAM; 0 for none.
+    pub(super) hot: [u32; 2],
+}
+
+#[cfg(test)]
+impl Addresses {
+    pub(super) const EXAMPLE: Self = Self {
+        crcs: [0x100, 0x200],
+        ram: [0x2000_0000, 0x2001_0000],
+        guards: [0x2000_0100, 0x2001_0100],
+        hot: [0, 0x80_0000],
+    };
 }
 
 /// Returns the runs of `duration_ns` with faults of `kinds`, and with damaged programs and in turn if `addresses` are
@@ -87,8 +101,9 @@ pub(super) fn runs(
     let boards: &[Board] = if hold { &[Board::Dpr] } else { &[Board::Horus, Board::Dpr] };
     let mut runs = vec![plain.clone()];
     runs.extend(kinds.iter().map(|kind| drawn(kind.to_string(), &[*kind])));
-    let Some(Addresses { crcs, ram }) = addresses else { return runs };
-    runs.extend(scripted::runs(gps, seed, ram, hold));
+    let Some(addresses) = addresses else { return runs };
+    let crcs = addresses.crcs;
+    runs.extend(scripted::runs(gps, seed, &addresses, hold));
     runs.push(drawn("all kinds".into(), &kinds));
     let unjudged = |name: &str, faults, duration_ns| {
         let name = name.to_owned();
@@ -163,14 +178,7 @@ mod tests {
 
     #[test]
     fn each_kind_that_can_be_drawn_into_a_run_has_a_run() {
-        let runs = runs(
-            &Kind::ALL,
-            3,
-            1,
-            12_000_000_000,
-            Some(Addresses { crcs: [0x100, 0x200], ram: [0x2000_0000, 0x2001_0000] }),
-            false,
-        );
+        let runs = runs(&Kind::ALL, 3, 1, 12_000_000_000, Some(Addresses::EXAMPLE), false);
         for kind in Kind::ALL.into_iter().filter(|kind| !kind.is_upset()) {
             let run = runs.iter().find(|run| run.name == kind.to_string()).unwrap();
             assert!(!run.faults.episodes().is_empty() && run.judged, "{kind}");

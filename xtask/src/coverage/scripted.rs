@@ -1,10 +1,11 @@
 //! Runs that visit the failures of one part after the other, each once and at a time of its own.
 
 use bench::faults::{
-    Board, BufferFault, Buffers, ChipFault, Conduct, Fault, Faults, FrontEndFault, Kind, PowerFault, Rng, Upset,
+    Board, BufferFault, Buffers, ChipFault, Conduct, Fault, Faults, FrontEndFault, Kind, PowerFault, ReceiverFault,
+    Rng, Upset,
 };
 
-use super::runs::Run;
+use super::runs::{Addresses, Run};
 
 const MS: u64 = 1_000_000;
 
@@ -24,6 +25,10 @@ const APART: u64 = 450 * MS;
 /// 1.25 s (the DPR) to get there.
 const STUCK_AT: u32 = 4 * 1_000;
 
+/// How far behind the beginning of the code in RAM a bit flips, bytes: the comparison of the code with flash gets there
+/// a quarter of a second after the start.
+const CODE_AT: u32 = 4 * 400;
+
 /// The time from a restart until a bit gets stuck, ns: behind the test at the start.
 const BEHIND_START: u64 = 150 * MS;
 
@@ -31,9 +36,8 @@ const BEHIND_START: u64 = 150 * MS;
 const SIZES: [(Buffers, u64, u64); 3] =
     [(Buffers::Receive, 3, 260), (Buffers::Image, 4, 588), (Buffers::Written, 3, 80)];
 
-/// Returns the runs that end with `hold` beside a hold, or without one. `ram` has the addresses at which RAM begins:
-/// HORUS's and the DPR's.
-pub(super) fn runs(gps: usize, seed: u64, ram: [u32; 2], hold: bool) -> Vec<Run> {
+/// Returns the runs beside a hold if `hold`, or else without one.
+pub(super) fn runs(gps: usize, seed: u64, addresses: &Addresses, hold: bool) -> Vec<Run> {
     let mut rng = Rng::new(seed);
     let boards: &[Board] = if hold { &[Board::Dpr] } else { &[Board::Horus, Board::Dpr] };
     let mut runs = vec![];
@@ -48,10 +52,10 @@ pub(super) fn runs(gps: usize, seed: u64, ram: [u32; 2], hold: bool) -> Vec<Run>
     add("many SPI glitches", glitches(boards, seed));
     add("stuck bits of buffers", stuck_buffers());
     add("interrupts without a task", without_task(boards));
-    for (board, ram) in [Board::Horus, Board::Dpr].into_iter().zip(ram) {
-        if boards.contains(&board) && ram != 0 {
-            add(&format!("stuck RAM of {}", bench::faults::name_of(board)), stuck_ram(board, ram));
-        }
+    let Addresses { ram, guards, hot, .. } = *addresses;
+    for (nth, board) in [Board::Horus, Board::Dpr].into_iter().enumerate().filter(|(_, board)| boards.contains(board)) {
+        let script = faulty_memory(board, ram[nth], guards[nth], hot[nth]);
+        add(&format!("faulty memory of {}", bench::faults::name_of(board)), script);
     }
     if !hold {
         add("HORUS's antenna in turn", antenna());
@@ -116,7 +120,7 @@ fn stuck_buffers() -> (Faults, u64) {
         at += RESTART + 2 * MS;
     }
     // Which of the images the flight controller reads at the time is left to chance: there are four.
-    for nth in 0..120 {
+    for nth in 0..300 {
         faults = faults.with(at, at, Fault::Buffer(BufferFault::Flips(Buffers::Image, 8 * (nth * 19) + nth % 8)));
         at += 7 * MS;
     }
@@ -135,13 +139,22 @@ fn without_task(boards: &[Board]) -> (Faults, u64) {
     one_after_the_other(flips, UP, [0, MS])
 }
 
-/// A bit of the stack's or the statics' RAM gets stuck behind a start, and is stuck at the next start.
-fn stuck_ram(board: Board, ram: u32) -> (Faults, u64) {
-    let stuck = Upset::Stuck { address: ram + STUCK_AT, bit: 5, value: true };
+/// A bit of the guard word at `guard` flips, and one of the code at `hot`, if there is any. Then a bit of RAM behind
+/// `ram` gets stuck behind a start, and is stuck at the next start.
+fn faulty_memory(board: Board, ram: u32, guard: u32, hot: u32) -> (Faults, u64) {
     let pin = Fault::Power(board, PowerFault::Pin);
-    let at = UP + MS + BEHIND_START;
+    let (mut faults, mut at) = (Faults::none(), UP);
+    let code = (hot != 0).then_some((hot + CODE_AT, BEHIND_START));
+    for (address, after) in [Some((guard, RESTART)), code].into_iter().flatten() {
+        let flips = at + after;
+        faults = faults.with(at, at, pin.clone());
+        faults = faults.with(flips, flips, Fault::Upset(board, Upset::Ram { address, bit: 1 }));
+        at += 2 * RESTART;
+    }
+    let sticks = at + BEHIND_START;
     let again = at + 4_500 * MS;
-    let faults = Faults::none().with(UP, UP, pin.clone()).with(at, at, Fault::Upset(board, stuck));
+    let stuck = Upset::Stuck { address: ram + STUCK_AT, bit: 5, value: true };
+    faults = faults.with(at, at, pin.clone()).with(sticks, sticks, Fault::Upset(board, stuck));
     (faults.with(again, again, pin), again + RESTART)
 }
 
@@ -172,6 +185,15 @@ fn receivers(gps: usize, seed: u64) -> (Faults, u64) {
         faults = joined(faults, &more);
         end = end.max(until);
     }
+    // Each receiver is silent until its values are too old, and then its week is another one.
+    let half_a_week = 400_000_000;
+    for receiver in 0..gps {
+        let each =
+            [ReceiverFault::Silent, ReceiverFault::TimeJumps(half_a_week), ReceiverFault::TimeJumps(-half_a_week)];
+        let each = each.map(|fault| Fault::Receiver(receiver, fault));
+        let (more, until) = one_after_the_other(each, end, [1_200 * MS, 300 * MS]);
+        (faults, end) = (joined(faults, &more), until);
+    }
     (faults, end)
 }
 
@@ -182,7 +204,7 @@ mod tests {
     #[test]
     fn each_script_has_faults_that_end_before_its_run() {
         for hold in [false, true] {
-            let runs = runs(3, 1, [0x2000_0000, 0x2001_0000], hold);
+            let runs = runs(3, 1, &Addresses::EXAMPLE, hold);
             assert!(runs.len() >= 6);
             for run in runs {
                 let last = run.faults.episodes().iter().map(|episode| episode.until).max().unwrap();
@@ -194,7 +216,7 @@ mod tests {
     #[test]
     fn beside_a_hold_no_fault_is_horus_s_alone() {
         let boards = |hold: bool| {
-            let runs = runs(3, 1, [0x2000_0000, 0x2001_0000], hold);
+            let runs = runs(3, 1, &Addresses::EXAMPLE, hold);
             runs.iter().filter(|run| run.name.contains("horus") || run.name.contains("HORUS")).count()
         };
         assert_eq!((boards(true), boards(false)), (0, 2));

@@ -98,9 +98,12 @@ impl Misconduct {
             Conduct::ReplaysUplink => Order { mosi: uplink(), ..read(whole) },
             Conduct::WritesEach => {
                 let all = each();
+                let (round, nth) = (self.written / all.len(), self.written % all.len());
                 self.written += 1;
-                let mosi = all[(self.written - 1) % all.len()].clone();
-                Order { mosi, ..read(whole) }
+                let mosi = all[nth].clone();
+                // A transaction may end with what is written, or read on.
+                let bytes = if round % 2 == 0 { whole } else { mosi.len() };
+                Order { mosi, ..read(bytes) }
             }
         }
     }
