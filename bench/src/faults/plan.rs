@@ -843,6 +843,15 @@ mod tests {
     }
 
     #[test]
+    fn the_faults_in_turn_are_all_of_a_kind_one_after_the_other() {
+        let (faults, end) = Faults::in_turn(Kind::Inputs, 3, &mut Rng::new(1), 1_000, [20, 10]);
+        let all = all_of(Kind::Inputs, 3, &mut Rng::new(1)).len();
+        assert!(all > 1);
+        assert_eq!((faults.episodes().len(), end), (all, 1_000 + 30 * all as u64));
+        assert!(faults.episodes().windows(2).all(|pair| pair[1].at == pair[0].until + 10));
+    }
+
+    #[test]
     fn a_run_too_short_for_an_episode_has_none() {
         let faults = Faults::drawn(&Kind::ALL, 3, 5, FIRST_AT + LAST_BEFORE_END);
         assert_eq!(faults, Faults::none());

@@ -328,6 +328,18 @@ mod tests {
     }
 
     #[test]
+    fn a_stuck_bit_reads_its_value_at_once_and_only_ram_has_one() {
+        let mut node = node();
+        let address = 0x2000_0123;
+        for value in [true, false] {
+            Upset::Stuck { address, bit: 6, value }.apply(&mut node).unwrap();
+            assert_eq!(byte(&node, u64::from(address)) >> 6 & 1 == 1, value);
+        }
+        let nowhere = Upset::Stuck { address: 0x1FFF_FFFF, bit: 6, value: true };
+        assert!(matches!(nowhere.apply(&mut node), Err(Error::NotMemory { .. })));
+    }
+
+    #[test]
     fn an_upset_of_a_register_flips_one_bit_of_it_alone() {
         for (number, (register, bits)) in (0..).zip(CORE_REGISTERS) {
             let bit = 31 - bits.leading_zeros() as u8;

@@ -50,7 +50,7 @@ pub(super) struct Image {
     pub(super) ram: u32,
     /// The address of a guard word, 0 if the image has none.
     pub(super) guard: u32,
-    /// The address of the code that runs from RAM, 0 if the image has none.
+    /// The end of the code that runs from RAM, 0 if the image has none.
     pub(super) hot: u32,
     /// The functions whose address data or an instruction holds, so that a register may call them.
     pub(super) known: BTreeSet<u32>,
@@ -84,7 +84,7 @@ impl Image {
                 Some("__program_crc") => image.program_crc = address,
                 Some("_stack_end") => image.ram = address,
                 Some("__guard_data") => image.guard = address,
-                Some("__shot") => image.hot = address,
+                Some("__ehot") => image.hot = address,
                 _ if symbol.kind() == SymbolKind::Text && symbol.size() > 0 => {
                     let (start, size) = (address & !1, u32::try_from(symbol.size())?);
                     let name = format!("{:#}", rustc_demangle::demangle(name));

@@ -55,7 +55,7 @@ pub(super) struct Addresses {
     pub(super) ram: [u32; 2],
     /// A guard word.
     pub(super) guards: [u32; 2],
-    /// The code that runs from RAM; 0 for none.
+    /// The ends of the code that runs from RAM; 0 for none.
     pub(super) hot: [u32; 2],
 }
 
@@ -65,7 +65,7 @@ impl Addresses {
         crcs: [0x100, 0x200],
         ram: [0x2000_0000, 0x2001_0000],
         guards: [0x2000_0100, 0x2001_0100],
-        hot: [0, 0x80_0000],
+        hot: [0, 0x80_C000],
     };
 }
 

@@ -25,9 +25,8 @@ const APART: u64 = 450 * MS;
 /// 1.25 s (the DPR) to get there.
 const STUCK_AT: u32 = 4 * 1_000;
 
-/// How far behind the beginning of the code in RAM a bit flips, bytes: the comparison of the code with flash gets there
-/// a quarter of a second after the start.
-const CODE_AT: u32 = 4 * 400;
+/// The time in which all code in RAM is compared with flash, ns: 6.4 KiB each second.
+const CODE_PASS: u64 = 8_500 * MS;
 
 /// The time from a restart until a bit gets stuck, ns: behind the test at the start.
 const BEHIND_START: u64 = 150 * MS;
@@ -139,17 +138,16 @@ fn without_task(boards: &[Board]) -> (Faults, u64) {
     one_after_the_other(flips, UP, [0, MS])
 }
 
-/// A bit of the guard word at `guard` flips, and one of the code at `hot`, if there is any. Then a bit of RAM behind
-/// `ram` gets stuck behind a start, and is stuck at the next start.
+/// A bit of the guard word at `guard` flips, and one of the last word of code before `hot`, if there is any: it is a
+/// table's, without which the firmware runs. Then a bit of RAM behind `ram` gets stuck behind a start, and is stuck at
+/// the next start.
 fn faulty_memory(board: Board, ram: u32, guard: u32, hot: u32) -> (Faults, u64) {
     let pin = Fault::Power(board, PowerFault::Pin);
     let (mut faults, mut at) = (Faults::none(), UP);
-    let code = (hot != 0).then_some((hot + CODE_AT, BEHIND_START));
-    for (address, after) in [Some((guard, RESTART)), code].into_iter().flatten() {
-        let flips = at + after;
-        faults = faults.with(at, at, pin.clone());
-        faults = faults.with(flips, flips, Fault::Upset(board, Upset::Ram { address, bit: 1 }));
-        at += 2 * RESTART;
+    let code = (hot != 0).then_some((hot.saturating_sub(4), CODE_PASS));
+    for (address, found) in [Some((guard, RESTART)), code].into_iter().flatten() {
+        faults = faults.with(at, at, Fault::Upset(board, Upset::Ram { address, bit: 4 }));
+        at += found + RESTART;
     }
     let sticks = at + BEHIND_START;
     let again = at + 4_500 * MS;
