@@ -57,6 +57,7 @@ impl Ticket {
     #[must_use]
     pub const fn due(self, tick: u32, frame: usize) -> Option<u8> {
         let command = (self.0 & 0xFF) as u8;
+        // Not covered: with one frame in a cycle, a ticket is for the slot that comes, or there is none.
         if command != 0 && self.0 == Self::new(tick, frame, command).0 {
             Some(command)
         } else {

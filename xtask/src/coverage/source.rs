@@ -68,7 +68,10 @@ pub(super) fn origins(image: &Image) -> Result<BTreeMap<u32, Origin>> {
         let mut frames = lines.find_frames(u64::from(address)).skip_all_loads()?;
         let mut names: Vec<String> = vec![];
         while let Some(frame) = frames.next()? {
-            names.extend(frame.function.as_ref().and_then(|name| Some(name.demangle().ok()?.into_owned())));
+            names.extend(frame.function.as_ref().and_then(|name| {
+                let name = name.raw_name().ok()?;
+                Some(format!("{:#}", rustc_demangle::demangle(&name)))
+            }));
             let Some((file, line)) = frame.location.and_then(|place| Some((place.file?, place.line?))) else {
                 continue;
             };
