@@ -219,7 +219,13 @@ fn flights_of(args: &CoverageArgs, setup: &Setup, records: &Records, crcs: runs:
     let duration_ns = (args.seconds * 1e9).round() as u64;
     let crcs = args.faults.is_none().then_some(crcs);
     let runs = runs::runs(&kinds(args, setup), setup.gps, setup.seed, duration_ns, crcs, setup.hold.is_some());
-    runs.into_iter().map(|run| Flight { run, setup: setup.clone(), records: records.clone() }).collect()
+    // The runs of the hold have another seed each, and so other sensors: one samples faster, another slower than it says.
+    let seed = |run: &Run| if run.name.starts_with("hold: ") { setup.seed + run.name.len() as u64 } else { setup.seed };
+    let flight = |run: Run| {
+        let setup = Setup { seed: seed(&run), ..setup.clone() };
+        Flight { run, setup, records: records.clone() }
+    };
+    runs.into_iter().map(flight).collect()
 }
 
 /// The kinds of faults that are asked for and that a bench with this setup can have.

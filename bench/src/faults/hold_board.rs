@@ -125,12 +125,16 @@ fn missing<C: Cost>(node: &Node<Hold, C>, symbol: &str) -> Error {
 pub enum SensorFault {
     /// A sensor acknowledges its address, but no byte that is written to it.
     Refuses(Sensor),
+    /// No sensor acknowledges the address of this number, counted from 0, after a pause of the bus of 5 ms.
+    Deaf(u8),
     /// Once it is addressed, a sensor holds SCL low.
     HoldsScl(Sensor),
     /// A sensor holds SDA low until it has received this many clocks, as after a transfer that was cut off.
     HoldsSda(u8),
     /// The accelerometer measures exactly 0 along each axis.
     Numb,
+    /// The accelerometer is shaken so that each sample along each axis is any that it can measure.
+    Shaken,
     /// The sensors lose their supply for a moment, and so their settings.
     Restart,
     /// The air in the box has this temperature at the beginning, °C.
@@ -144,9 +148,11 @@ impl SensorFault {
         let word = |sensor: Sensor| format!("{sensor:?}").to_lowercase();
         match self {
             Self::Refuses(sensor) => format!("{} sensor refuses bytes", word(sensor)),
+            Self::Deaf(nth) => format!("address {nth} not acknowledged"),
             Self::HoldsScl(sensor) => format!("{} sensor holds SCL", word(sensor)),
             Self::HoldsSda(clocks) => format!("SDA held for {clocks} clocks"),
             Self::Numb => "vibration sensor numb".into(),
+            Self::Shaken => "vibration sensor shaken".into(),
             Self::Restart => "sensors restart".into(),
             Self::Celsius(celsius) => format!("box at {celsius} °C"),
         }

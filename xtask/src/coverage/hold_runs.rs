@@ -5,7 +5,7 @@
 //! | hold: sensors | each sensor is silent, refuses bytes, holds SCL or SDA, lies, measures nothing, loses its settings; the box is too hot and too cold |
 //! | hold: front end | each failure of the chip, in flight and while the hold starts; flips of its registers; glitches |
 //! | hold: tasks | each task is dead, runs although nothing has called it, and executes an undefined instruction |
-//! | hold: memory | a stuck bit, a changed guard, a program or a record whose CRC is wrong, a broken stack |
+//! | hold: memory | a register of a peripheral that is cleared, a stuck bit, a changed guard, a program or a record whose CRC is wrong, a broken stack |
 //! | hold: starts | each reason of a reset, a low supply, a dead crystal, a locked debug port |
 //!
 //! The judge's verdict is not asked for, since several failures meet. Without a hold none of these runs is made.
@@ -42,6 +42,15 @@ const AIRCR: (u32, u32) = (0xE000_ED0C, 0x05FA_0004);
 /// UICR.APPROTECT and FICR.INFO.VARIANT (PS v1.7, 4.5.1.4 and 4.4.1.4).
 const APPROTECT: u32 = 0x1000_1208;
 const VARIANT: u32 = 0x1000_0104;
+
+/// Registers of peripherals that an upset can clear, and tasks of the timers (PS v1.7, 6.25, 6.31, 6.23, 6.10, 6.30).
+const SPIM0_ENABLE: u32 = 0x4000_3500;
+const TWIM1_ENABLE: u32 = 0x4000_4500;
+const SAADC_ENABLE: u32 = 0x4000_7500;
+const SAADC_PSELP: u32 = 0x4000_7510;
+const GPIOTE_CONFIG: u32 = 0x4000_6510;
+const TIMER0_STOP: u32 = 0x4000_8004;
+const TIMER1_STOP: u32 = 0x4000_9004;
 
 /// A list of faults under construction, with the instant of the next one.
 struct Script {
@@ -105,8 +114,16 @@ fn sensors() -> Script {
     }
     // A temperature is kept for some seconds after its sensor has failed, and then is gone.
     script.visit(HoldFault::BusStuck, 6 * SENSED, 2 * SENSED);
-    for fault in [SensorFault::Numb, SensorFault::Restart] {
+    for fault in [SensorFault::Numb, SensorFault::Restart, SensorFault::Shaken] {
         script.visit(HoldFault::Sensors(fault), SENSED, SENSED);
+    }
+    // The samples are read after one pause, the set-up at a start takes some forty addresses.
+    for nth in 0..4 {
+        script.visit(HoldFault::Sensors(SensorFault::Deaf(nth)), SENSED, SENSED);
+    }
+    for nth in 0..48 {
+        script.add(HoldFault::Sensors(SensorFault::Deaf(nth)), 100 * MS);
+        script.visit(HoldFault::Power(PowerFault::Pin), 0, 100 * MS);
     }
     for celsius in [130, 60, -20, 20] {
         script.visit(HoldFault::Sensors(SensorFault::Celsius(celsius)), 2 * SENSED, 0);
@@ -120,6 +137,13 @@ fn front_end() -> Script {
         let fault = HoldFault::Board(HoldBoardFault::Chip(fault));
         script.visit(fault, BETWEEN, BETWEEN);
         script.board_at_a_start(fault);
+    }
+    // The chip fails, and works again, at each step of the start.
+    for fault in [ChipFault::ReadsOnes, ChipFault::ReadsZeros, ChipFault::IrqHigh, ChipFault::NoInterrupts] {
+        for step in 0..32 {
+            script.visit(HoldFault::Power(PowerFault::Pin), 0, 15 * MS + step * 1_300_000);
+            script.board(HoldBoardFault::Chip(fault), 3 * MS, 40 * MS);
+        }
     }
     script.visit(HoldFault::Power(PowerFault::FrontEndOff), BETWEEN, BETWEEN);
     script.board(HoldBoardFault::Chip(ChipFault::Glitches(1)), 4_000 * MS, BETWEEN);
@@ -152,10 +176,22 @@ fn tasks() -> Script {
 
 fn memory() -> Script {
     let mut script = Script::new();
+    for register in [SPIM0_ENABLE, TWIM1_ENABLE, SAADC_ENABLE, SAADC_PSELP, GPIOTE_CONFIG] {
+        script.board(HoldBoardFault::Poke(register, 0), 0, BETWEEN);
+        script.visit(HoldFault::Power(PowerFault::Pin), 0, BETWEEN);
+    }
+    for task in [TIMER0_STOP, TIMER1_STOP] {
+        script.board(HoldBoardFault::Poke(task, 1), 0, 2 * BETWEEN);
+    }
     // The patrol needs some seconds for all of the memory.
     let found = 5_500 * MS;
-    for value in [false, true] {
-        script.board_at_a_start(HoldFault::Board(HoldBoardFault::Stuck("app::MEMORY_FAULT", 8, value)));
+    // The test at the start handles each word of a block of 32 bytes by instructions of its own.
+    let words = (0..8).map(|word| ("__rtic_internal_local_init_radio", 32 + 4 * word));
+    for (variable, offset) in words.chain([("hw::KEPT", 0), ("hw::KEPT", 4)]) {
+        for value in [false, true] {
+            script.add(HoldFault::Board(HoldBoardFault::Stuck(variable, offset, value)), 60 * MS);
+            script.visit(HoldFault::Power(PowerFault::Pin), 0, 120 * MS);
+        }
     }
     script.board(HoldBoardFault::Stuck("hw::KEPT", 0, true), found, 0);
     script.board(HoldBoardFault::Word("__guard_bss", 0, 0), 0, found);
