@@ -90,6 +90,7 @@ impl Climate {
     /// Does one step of the control, and returns the output. `temperature` is in °C, `None` without a valid
     /// measurement. If `allowed` is false, the output is 0.
     pub fn step(&mut self, temperature: Option<f32>, allowed: bool) -> f32 {
+        // Not covered: a temperature that is not finite, since it comes from an integer.
         let Some(temperature) = temperature.filter(|celsius| allowed && celsius.is_finite()) else {
             *self = Self::new(self.set_point);
             return self.output;

@@ -68,6 +68,7 @@ impl Vibration {
             });
             // Not covered: what `max` does with NaN, which no square of these integers is.
             let shock = DIGIT * libm::sqrtf(squares.fold(0.0, f32::max));
+            // Not covered: what `max` does with NaN, as above.
             self.greatest = Some(self.greatest.unwrap_or(0.0).max(shock));
         }
         self.readings[self.next] = Sums::of(samples);

@@ -215,7 +215,7 @@ fn starts() -> Script {
         script.visit(HoldFault::Power(fault), 50 * MS, BETWEEN);
     }
     script.board(HoldBoardFault::Poke(AIRCR.0, AIRCR.1), 0, BETWEEN);
-    for microvolts in [2_880_000, 2_620_000, 1_650_000] {
+    for microvolts in [3_600_000, 2_880_000, 2_620_000, 1_650_000] {
         script.board(HoldBoardFault::Supply(microvolts), BETWEEN, BETWEEN);
     }
     script.board_at_a_start(HoldFault::Board(HoldBoardFault::Supply(2_620_000)));
