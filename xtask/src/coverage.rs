@@ -7,10 +7,10 @@
 //! |---|---|
 //! | the bench runs the release images, and each core notes what it executes | `coverage` of `cortex_m4` and `bench` |
 //! | the image's instructions are found without executing it | [`image`] |
-//! | the runs | [`runs`], [`hold_runs`], [`messages`] |
+//! | the runs | [`runs`], [`scripted`], [`hold_runs`], [`messages`] |
 //! | what leads only to a panic is told apart, and so is the log | [`paths`], [`callers`], [`gaps`] |
 //! | instructions are led back to source lines, and their comments read | [`source`] |
-//! | both are compared, and gaps explained | [`gaps`], [`explained`] |
+//! | both are compared, and gaps explained | [`gaps`], [`twins`], [`explained`] |
 //! | all is printed | [`report`] |
 //!
 //! A gap is closed by a test on the bench, or explained beside the code by a comment `Not covered`, a colon and the
@@ -28,7 +28,9 @@ mod part;
 mod paths;
 mod report;
 mod runs;
+mod scripted;
 mod source;
+mod twins;
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
@@ -53,7 +55,7 @@ use crate::{Receivers, firmware, sim};
 use explained::explain;
 use image::Image;
 use report::Measured;
-use runs::Run;
+use runs::{Addresses, Run};
 use source::Source;
 
 /// The page with the totals.
@@ -177,11 +179,17 @@ fn fly(args: &CoverageArgs, gps: Receivers) -> Result<Vec<Flown>> {
         let images = Images { horus: horus_elf.clone(), dpr: elf };
         let (hold_elf, hold_record) = hold.unzip();
         let records = Records { horus: horus.record.clone(), dpr: flown_dpr.record.clone(), hold: hold_record };
-        let crcs = [horus.image.program_crc, flown_dpr.image.program_crc];
+        let of_both = |address: fn(&Image) -> u32| [address(&horus.image), address(&flown_dpr.image)];
+        let addresses = Addresses {
+            crcs: of_both(|image| image.program_crc),
+            ram: of_both(|image| image.ram),
+            guards: of_both(|image| image.guard),
+            hot: of_both(|image| image.hot),
+        };
         for &seed in &args.seeds {
             let new = Setup::new(images.clone(), gps.0, 0);
             let setup = Setup { seed, writes: true, hold: hold_elf.clone(), threads: Threads::One, ..new };
-            flights.extend(flights_of(args, &setup, &records, crcs));
+            flights.extend(flights_of(args, &setup, &records, addresses));
             benches.push((setup, records.clone()));
         }
     }
@@ -215,10 +223,10 @@ struct Flight {
 }
 
 /// Returns all runs of one seed with the images of `setup`.
-fn flights_of(args: &CoverageArgs, setup: &Setup, records: &Records, crcs: runs::ProgramCrcs) -> Vec<Flight> {
+fn flights_of(args: &CoverageArgs, setup: &Setup, records: &Records, addresses: Addresses) -> Vec<Flight> {
     let duration_ns = (args.seconds * 1e9).round() as u64;
-    let crcs = args.faults.is_none().then_some(crcs);
-    let runs = runs::runs(&kinds(args, setup), setup.gps, setup.seed, duration_ns, crcs, setup.hold.is_some());
+    let addresses = args.faults.is_none().then_some(addresses);
+    let runs = runs::runs(&kinds(args, setup), setup.gps, setup.seed, duration_ns, addresses, setup.hold.is_some());
     // The runs of the hold have another seed each, and so other sensors: one samples faster, another slower than it says.
     let seed = |run: &Run| if run.name.starts_with("hold: ") { setup.seed + run.name.len() as u64 } else { setup.seed };
     let flight = |run: Run| {

@@ -263,6 +263,25 @@ impl Faults {
         faults
     }
 
+    /// Returns every fault of `kind` for a link with `gps` receivers, one after the other, the first at `at` (ns), each
+    /// for `length` ns with a pause of `pause` ns behind it; and the end of the last pause, ns. `rng` draws what a fault
+    /// leaves open. What occurs once, such as a restart, takes no more than the pause.
+    #[must_use]
+    pub fn in_turn(kind: Kind, gps: usize, rng: &mut Rng, at: u64, [length, pause]: [u64; 2]) -> (Self, u64) {
+        let (mut faults, mut at) = (Self::none(), at);
+        for draw in all_of(kind, gps, rng) {
+            let mut end = at;
+            for (after, fault) in draw {
+                let begins = at + after;
+                let until = if lasts(&fault) { begins + length } else { begins };
+                end = end.max(until);
+                faults.add(Episode { at: begins, until, fault });
+            }
+            at = end + pause;
+        }
+        (faults, at)
+    }
+
     /// Removes hangs that begin before a restarted board's watchdog runs, because nothing would end them.
     fn without_hangs_in_starts(&mut self) {
         for board in BOARDS {

@@ -11,6 +11,7 @@ use super::image::{Image, Instruction};
 use super::part::Part;
 use super::paths::doomed;
 use super::source::{Origin, Place, Source};
+use super::twins;
 
 /// The sources that decide, as beginnings of their paths.
 const DECIDING: [&str; 13] = [
@@ -180,6 +181,7 @@ pub(super) fn coverage(
     };
     let mut parts: BTreeMap<u32, Part> = image.code.iter().map(part_of).collect();
     follow(image, &mut parts);
+    let others = twins::others(image, origins, |address| record.seen(address).executed);
     let mut coverage = Coverage::default();
     for (&address, instruction) in &image.code {
         let (origin, part) = (&origins[&address], parts[&address]);
@@ -206,7 +208,8 @@ pub(super) fn coverage(
             }
         }
         let gap = |(missing, lost)| {
-            let Origin { places, inlined, library, .. } = origin.clone();
+            let Origin { places, mut inlined, library, .. } = origin.clone();
+            inlined.extend(others.contains(&address).then(|| twins::NAME.to_owned()));
             Gap { address, function: instruction.function, part, missing, places, inlined, library, lost }
         };
         coverage.gaps.extend(missing.into_iter().map(gap));

@@ -10,6 +10,7 @@ use anyhow::{Context, Result};
 use object::{Object, ObjectSection};
 
 use super::image::Image;
+use super::twins::{self, Lock};
 use crate::workspace::root;
 
 /// A line of a source of this workspace.
@@ -36,6 +37,8 @@ pub(super) struct Origin {
     pub(super) logs: bool,
     /// The file of the innermost function if it is one of a library, inlined or not; else empty.
     pub(super) library: String,
+    /// The copy of a locked section that it belongs to.
+    pub(super) lock: Option<Lock>,
 }
 
 impl Origin {
@@ -63,19 +66,25 @@ pub(super) fn origins(image: &Image) -> Result<BTreeMap<u32, Origin>> {
     for (&address, instruction) in &image.code {
         let mut origin = Origin::default();
         let mut frames = lines.find_frames(u64::from(address)).skip_all_loads()?;
-        let mut names = vec![];
+        let mut names: Vec<String> = vec![];
         while let Some(frame) = frames.next()? {
             names.extend(frame.function.as_ref().and_then(|name| Some(name.demangle().ok()?.into_owned())));
             let Some((file, line)) = frame.location.and_then(|place| Some((place.file?, place.line?))) else {
                 continue;
             };
             origin.logs |= file.contains("/defmt");
+            if let Some(raises) = names.last().and_then(|function| twins::raises(file, function, line)) {
+                // The outermost lock counts, so the lines that lock begin anew.
+                origin.lock = Some(Lock { site: vec![], raises });
+            }
             let own = file.strip_prefix(&root).filter(|file| !file.starts_with("target/"));
             if origin.places.is_empty() && origin.library.is_empty() && own.is_none() {
                 origin.library = file.to_owned();
             }
             if let Some(file) = own {
-                origin.places.push(Place { file: file.to_owned(), line });
+                let place = Place { file: file.to_owned(), line };
+                origin.lock.iter_mut().for_each(|lock| lock.site.push(place.clone()));
+                origin.places.push(place);
             }
         }
         // The outermost function is that of the image's symbol.
