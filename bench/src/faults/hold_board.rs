@@ -1,7 +1,7 @@
 //! Faults of the active hold's board and of its sensors that tests and the coverage script by hand. `--faults` draws
 //! none of them.
 
-use cortex_m4::Cost;
+use cortex_m4::{Cost, Register};
 use emulator_node::{Error, Node};
 use emulator_part::{Part, StuckBit};
 use nrf52840::Nrf52840;
@@ -30,6 +30,11 @@ pub enum HoldBoardFault {
     Word(&'static str, u32, u32),
     /// A bit of the variable with this symbol, given by the byte's offset, reads as this value, whatever is written.
     Stuck(&'static str, u32, bool),
+    /// The word at this address, of memory or of a peripheral's register, is written as by a debugger. A register is
+    /// not restored.
+    Poke(u32, u32),
+    /// The general register of this number of the core holds this value once.
+    Core(u8, u32),
     /// The supply has this voltage, µV.
     Supply(u32),
 }
@@ -46,6 +51,8 @@ impl HoldBoardFault {
             Self::Faulting(handler) => format!("{handler} faulting"),
             Self::Word(symbol, offset, _) => format!("{symbol}+{offset:#x} overwritten"),
             Self::Stuck(symbol, offset, _) => format!("{symbol}+{offset:#x} stuck"),
+            Self::Poke(address, _) => format!("{address:#010x} written"),
+            Self::Core(number, value) => format!("R{number} {value:#010x}"),
             Self::Supply(microvolts) => format!("supply {:.2} V", f64::from(microvolts) / 1e6),
         }
     }
@@ -77,6 +84,8 @@ impl HoldBoardFault {
                 let address = u32::try_from(variable.address).unwrap_or(u32::MAX).saturating_add(offset);
                 node.input(|part, _, _| part.stick(Some(StuckBit { address, bit: 0, value })));
             }
+            Self::Poke(address, value) => node.poke(address, &value.to_le_bytes())?,
+            Self::Core(number, value) => node.set_core_register(Register::R(number), value),
             Self::Supply(microvolts) => supply(node, microvolts, 0),
         }
         Ok(Repair::default())
@@ -90,7 +99,13 @@ impl HoldBoardFault {
                 node.input(|part, _, _| part.stick(None));
             }
             Self::Supply(_) => supply(node, RAILS_UV[0], 0),
-            Self::Flip(_) | Self::Dead(_) | Self::Spurious(_) | Self::Faulting(_) | Self::Word(..) => {}
+            Self::Flip(_)
+            | Self::Dead(_)
+            | Self::Spurious(_)
+            | Self::Faulting(_)
+            | Self::Word(..)
+            | Self::Poke(..)
+            | Self::Core(..) => {}
         }
     }
 }
@@ -110,12 +125,16 @@ fn missing<C: Cost>(node: &Node<Hold, C>, symbol: &str) -> Error {
 pub enum SensorFault {
     /// A sensor acknowledges its address, but no byte that is written to it.
     Refuses(Sensor),
+    /// No sensor acknowledges the address of this number, counted from 0, after a pause of the bus of 5 ms.
+    Deaf(u8),
     /// Once it is addressed, a sensor holds SCL low.
     HoldsScl(Sensor),
     /// A sensor holds SDA low until it has received this many clocks, as after a transfer that was cut off.
     HoldsSda(u8),
     /// The accelerometer measures exactly 0 along each axis.
     Numb,
+    /// The accelerometer is shaken so that each sample along each axis is any that it can measure.
+    Shaken,
     /// The sensors lose their supply for a moment, and so their settings.
     Restart,
     /// The air in the box has this temperature at the beginning, °C.
@@ -129,9 +148,11 @@ impl SensorFault {
         let word = |sensor: Sensor| format!("{sensor:?}").to_lowercase();
         match self {
             Self::Refuses(sensor) => format!("{} sensor refuses bytes", word(sensor)),
+            Self::Deaf(nth) => format!("address {nth} not acknowledged"),
             Self::HoldsScl(sensor) => format!("{} sensor holds SCL", word(sensor)),
             Self::HoldsSda(clocks) => format!("SDA held for {clocks} clocks"),
             Self::Numb => "vibration sensor numb".into(),
+            Self::Shaken => "vibration sensor shaken".into(),
             Self::Restart => "sensors restart".into(),
             Self::Celsius(celsius) => format!("box at {celsius} °C"),
         }

@@ -93,8 +93,7 @@ pub struct Lis3dh {
     seen: [u64; 3],
     /// For each axis, the sample whose bytes are being read, while BDU keeps it from changing.
     kept: [Option<[u8; 2]>; 3],
-    /// Whether the byte that was read last is one of a sample.
-    data_read: bool,
+    sample_byte: Option<bool>,
     misuse: Option<String>,
 }
 
@@ -117,7 +116,7 @@ impl Lis3dh {
             taken: 0,
             seen: [0; 3],
             kept: [None; 3],
-            data_read: false,
+            sample_byte: None,
             misuse: None,
         };
         sensor.power_on(0);
@@ -140,9 +139,9 @@ impl Lis3dh {
         (self.fifo_from, self.taken, self.seen) = (0, 0, [0; 3]);
     }
 
-    /// Whether the byte that was read last is one of a sample.
-    pub(super) fn sends_data(&self) -> bool {
-        self.data_read
+    /// Whether the byte that was read last is the high or the low one of a sample; `None` if it is neither.
+    pub(super) fn sample_byte(&self) -> Option<bool> {
+        self.sample_byte
     }
 
     fn value(&self, register: u8) -> u8 {
@@ -182,7 +181,8 @@ impl Lis3dh {
                 if self.state != State::Read {
                     return I2cAnswer::NOBODY;
                 }
-                self.data_read = OUT.contains(&self.register);
+                let is_high = !self.register.is_multiple_of(2);
+                self.sample_byte = OUT.contains(&self.register).then_some(is_high);
                 let data = self.load(at, self.register, vibration);
                 self.count_up();
                 if !acknowledged {

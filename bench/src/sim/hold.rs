@@ -281,7 +281,8 @@ impl<C: Cost> Beside<C> {
                     place.map_or(Ok(()), |place| self.repairs.remove(place).1.mend(&mut self.node))
                 };
                 if let Err(error) = done {
-                    recorder.note(from, What::Hold(HoldEvent::Finding { text: error.to_string() }));
+                    let text = format!("a fault could not be injected: {error}");
+                    recorder.note(from, What::Hold(HoldEvent::Finding { text }));
                 }
             }
             HoldFault::Sensors(fault) => self.payload(|payload| payload.turn(from, fault, begins)),

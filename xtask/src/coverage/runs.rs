@@ -12,12 +12,14 @@
 //! | every message | a receiver sends each UBX message that the parser knows, in many lengths |
 //! | tasks that fault | each task of either board executes an undefined instruction, one after the other |
 //! | wrong flash | either board starts with a program that its CRC does not fit |
+//! | hold: ... | [`super::hold_runs`] |
 //! | what fails in turn | each failure of the air, a chip, the flight controller, a register, a buffer, RAM, a receiver |
 //! | upsets | bits of RAM, flash and registers, each on a copy of the bench |
 //!
 //! In the plain run, with factory settings and with drawn faults, a violation makes the run worthless as evidence. The
 //! others damage more at once than the link must bear, or the firmware itself, so the judge's verdict is not asked for.
 
+use super::hold_runs::hold_runs;
 use super::scripted;
 use bench::faults::{Board, ChipFault, Fault, Faults, ImageFault, Kind, PowerFault, tasks_of};
 
@@ -115,6 +117,7 @@ pub(super) fn runs(
     runs.push(unjudged("chips broken at the start", faults, end));
     if hold {
         runs.push(damaged(Board::Dpr, crcs[1]));
+        runs.extend(hold_runs().into_iter().map(|(name, faults, end)| unjudged(&format!("hold: {name}"), faults, end)));
         return runs;
     }
     runs.push(Run { name: "factory settings".into(), factory_settings: true, ..plain.clone() });
