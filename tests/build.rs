@@ -4,8 +4,8 @@ use std::path::PathBuf;
 use std::{env, fs};
 
 /// The changes of the firmware's linker scripts for the DPR's suite: the script, the text in it, and the text that
-/// replaces it. Generic and small functions are compiled in the suite's own crates instead of the firmware's library,
-/// and have to run from RAM as in the firmware, so the suite needs more room.
+/// replaces it. The suite needs more room for code in RAM. Its own crates contain generic and small functions that the
+/// firmware has in its library, and these have to run from RAM as in the firmware.
 const CHANGES: [(&str, &str, &str); 6] = [
     ("hot.x", "__shot = .;", "__shot = .;\n    *(.text.*3dpr* .text.*15on_target_tests*);"),
     ("memory.x", "FLASH : ORIGIN = 0x00000000, LENGTH = 96K", "FLASH : ORIGIN = 0x00000000, LENGTH = 256K"),
@@ -21,7 +21,7 @@ fn main() {
         (true, false, false) => ("dpr-fw", &["memory.x", "hot.x"]),
         (false, true, false) => ("horus-tx-fw", &["memory.x"]),
         (false, false, true) => ("hold-fw", &["memory.x"]),
-        // On the host no suite is built, and a build for several boards at once has no common layout.
+        // No suite is built for the host, and a build for several boards at once has no common layout.
         _ => return,
     };
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));

@@ -196,8 +196,8 @@ pub fn a_dependence_is_seen(cycles: &Cycles) {
     let compare = |bytes: &[u8; LENGTH]| bytes.iter().take_while(|byte| black_box(**byte) == 0).count();
     let taken = cycles.over([differing_at(0), differing_at(LENGTH / 2), differing_at(LENGTH - 1)], compare);
     defmt::info!("a comparison that stops early: {=u32}..{=u32} cycles", taken.min, taken.max);
-    // This comparison stops at the first difference, so its time must vary by at least two instructions for each byte.
-    // No suite allows the time of its work to vary as much.
+    // A comparison that stops at the first difference varies with the data by at least two instructions for each byte.
+    // No suite allows the time of its work to vary by that much.
     defmt::assert!(taken.spread() >= 2 * (LENGTH as u32 - 1), "a dependence on data was not seen: {}", taken);
     let same = cycles.over([differing_at(7); 3], compare);
     defmt::assert!(same.spread() <= bounds(0, 0, 0, 16).spread_here(), "a spread where there is none: {}", same);

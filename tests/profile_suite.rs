@@ -8,7 +8,6 @@ use crate::cycles::{Bounds, Cycles};
 /// The number of receivers in the profile of the suites.
 pub const RECEIVERS: usize = 3;
 
-/// The input for the check values in the catalogue of CRCs.
 const CHECK: &[u8] = b"123456789";
 
 /// Asserts that both CRCs give their check values (docs/design.md#crc: 0x12D3A0B1 and 0xEA8707AB).
@@ -69,7 +68,7 @@ pub fn every_wrong_bit_is_found() {
     }
 }
 
-/// Asserts that a scrubbed object is rejected, and an object that stands in another's place.
+/// Asserts that a scrubbed object is rejected, and that an object in the place of another one is rejected, too.
 pub fn nothing_but_the_object_in_its_place() {
     for fill in [0x00, 0xFF] {
         defmt::assert!(GpsObject::verify(&[fill; GpsObject::SIZE], Identifier::gps(1)).is_err());

@@ -4,9 +4,9 @@
 //!
 //! 24 hours are 8.64 million images of three receivers at 100 Hz. One in a hundred is damaged, and one in a hundred
 //! arrives twice. The images go through the intake and the recorder of `horus-base`, without its threads, as fast as
-//! possible. The files are not forced to the disk each half second, which would take most of the time. Then the `mcap`
-//! crate's reader checks each chunk's CRC, a fresh intake judges each part again, and the part is removed. FOLDER holds
-//! about 8 GB meanwhile.
+//! possible. The files are not forced to the disk each half second, because that would take most of the time. Then the
+//! `mcap` crate's reader checks each chunk's CRC, a fresh intake judges each part again, and the part is removed.
+//! FOLDER holds about 8 GB meanwhile.
 //!
 //! The program fails if data are missing, if a second judgement of the data differs from the first, or if memory grows.
 

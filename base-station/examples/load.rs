@@ -8,8 +8,8 @@
 //! its page run on threads of this process and share the processors with the drones and the page's readers. Each event
 //! of a watched drone is compared with the instant at which its datagram was sent.
 //!
-//! The program fails if a message was dropped, an object was not shown, or the 99th percentile of that time is above 50
-//! ms.
+//! The program fails if a message was dropped, an object was not shown, or the 99th percentile of the time from a
+//! datagram to its event is above 50 ms.
 
 use std::io::{BufRead, BufReader, Write};
 use std::net::{TcpStream, UdpSocket};

@@ -15,9 +15,8 @@
 //! shortest delay.
 //!
 //! **Drift.** Two crystals differ, so the smallest difference rises by [`CRYSTAL_DRIFT`] of the time that passes, or by
-//! [`NO_CRYSTAL_DRIFT`] while HORUS reports that it runs without its crystal. With a clock of HORUS that differs by
-//! more, samples seem to come ever later or ever earlier; that is reported as an [implausible
-//! clock](Ages::is_clock_implausible).
+//! [`NO_CRYSTAL_DRIFT`] while HORUS reports that it runs without its crystal. If HORUS's clock differs by more, samples
+//! seem to come ever later or ever earlier. This is reported as an [implausible clock](Ages::is_clock_implausible).
 
 /// The greatest difference between HORUS's crystal and a computer's, parts per million: 100 for each of them.
 pub const CRYSTAL_DRIFT: i64 = 200;
@@ -28,7 +27,7 @@ pub const NO_CRYSTAL_DRIFT: i64 = 1_000_000 / profile::sequence::TOLERANCE_SHARE
 /// The length of the windows over which the two clocks are compared, µs.
 pub const WINDOW_US: u64 = 30_000_000;
 
-/// The number of samples with a difference below the smallest one after which the smallest one changes.
+/// The number of samples that must have a smaller difference before the smallest difference changes.
 pub const AGREEING: u8 = 3;
 
 /// The shortest time, µs, from the first to the last of the [`AGREEING`] samples, so that a burst of messages does not
@@ -64,7 +63,7 @@ struct Window {
 /// Compares the timestamps of one HORUS with the instants at which they arrive, from that HORUS's start on.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Ages {
-    /// The last timestamp, ms, as it arrived and without wrapping.
+    /// The last timestamp, ms: as it arrived, and counted on without wrapping.
     last: Option<(u32, i64)>,
     floor: Option<Floor>,
     lower: Option<Lower>,
@@ -186,8 +185,8 @@ mod tests {
             assert!(ages.take(own, at, true) < 1_000, "the true one is on time");
         }
         assert_eq!(ages.early_us(2_900, 1_200_000, true), 1_700_200, "and the drift of a second");
-        // The delay becomes 200 ms shorter for good. After a second, the longest of the new delays counts as the
-        // shortest.
+        // From now on samples come 200 or 210 ms earlier than before. After a second the shortest delay therefore
+        // counts as 200 ms shorter.
         let mut late = vec![];
         for cycle in 130..150_u32 {
             let at = 100_000 * u64::from(cycle) - 200_000 - u64::from(cycle % 2) * 10_000;
@@ -231,8 +230,8 @@ mod tests {
     fn a_rise_is_compared_with_the_time_between_the_two_fastest_samples() {
         let mut ages = Ages::default();
         for half in 0..=122_u32 {
-            // A sample with the shortest delay comes every 60 s. In between, the delay rises by 1 s, which is below 2
-            // %.
+            // The smallest delay is 0 at the start and 1 s after 58 s. This rise is less than 2 % of the time between
+            // them.
             let late = match half {
                 0 => 0,
                 1..60 => 300_000,
@@ -246,7 +245,7 @@ mod tests {
 
     #[test]
     fn a_clock_off_by_just_2_percent_is_plausible() {
-        // In each of two windows HORUS's clock falls behind by `more` ms. A lag of 600 ms is 2 %.
+        // HORUS's clock falls behind by `more` ms in each window of 30 s. 600 ms are 2 % of a window.
         for (more, implausible) in [(600, false), (601, true)] {
             let mut ages = Ages::default();
             for window in 0..=2_u32 {

@@ -23,7 +23,7 @@ macro_rules! alarms {
             /// All alarms, the gravest first.
             pub const ALL: &[Self] = &[$(Self::$name,)*];
 
-            /// Returns the alarm's name for programs, which does not change in later versions.
+            /// Returns the alarm's name for programs. The name does not change in later versions.
             #[must_use]
             pub const fn code(self) -> &'static str {
                 match self { $(Self::$name => $code,)* }
@@ -76,7 +76,7 @@ alarms! {
     Frozen, "frozen", Critical, "HORUS repeats the same sample";
     /// The DPR does not find HORUS's sequence, or the data that arrive do not continue the displayed ones.
     OutOfSequence, "out-of-sequence", Critical, "what arrives does not continue what was shown";
-    /// HORUS marks a position as valid that is impossible ([`profile::range`]).
+    /// HORUS marks an impossible position as valid ([`profile::range`]).
     Implausible, "implausible", Critical, "no position: what HORUS calls valid cannot be one";
     /// HORUS marks Reported-Position as not valid.
     NoAgreement, "no-agreement", Critical, "no position: too few receivers agree";

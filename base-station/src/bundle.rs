@@ -19,7 +19,7 @@ pub struct Bundle<'a> {
 }
 
 impl<'a> Bundle<'a> {
-    /// Returns the `count` objects from `first` on, in the order of the map, if `bytes` have their total length. The
+    /// Returns the `count` objects from `first` on, in the order of the map, if `bytes` is as long as all of them. The
     /// hold's object is always alone, because the flight controller's uplink is before it in the map.
     #[must_use]
     pub fn new(first: Place, count: usize, bytes: &'a [u8]) -> Option<Self> {

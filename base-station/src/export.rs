@@ -8,8 +8,8 @@
 //!
 //! The output consists of numbers, times and drones' names, without any character to escape, so no library is needed.
 //!
-//! Heights are above the WGS-84 ellipsoid. KML expects heights above mean sea level, so its track is drawn on the
-//! ground.
+//! Heights are above the WGS-84 ellipsoid. KML expects heights above mean sea level, so the track in KML is drawn on
+//! the ground.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -41,13 +41,13 @@ pub const COLUMNS: &str = "time,drone,object,timestamp_ms,age_ms,status,latitude
 /// The time without valid positions after which a track is interrupted, µs.
 pub const GAP_US: u64 = 2_000_000;
 
-/// Writes the recording that `reader` reads in the form of the export. `progress` gets the number of bytes read.
+/// Writes a recording, which `reader` reads, in the form of the export. `progress` gets the number of bytes read.
 /// Returns the number of written objects (CSV) or points (GPX, KML).
 ///
 /// # Errors
 ///
 /// Returns an error if the recording cannot be read or `to` cannot be written. A recording that is cut off is exported
-/// up to that point ([`Reader::torn`]).
+/// up to the cut ([`Reader::torn`]).
 pub fn export<R: Read, W: Write>(
     reader: &mut Reader<R>,
     form: Form,
@@ -88,8 +88,8 @@ pub fn export<R: Read, W: Write>(
     Ok(written)
 }
 
-/// Judges a record again, and returns those objects that were judged when it was recorded. The result is empty if the
-/// signature was refused then.
+/// Judges a record again, and returns the objects that were judged when the record was made. The result is empty if the
+/// record's signature was refused then.
 pub fn judge(intake: &mut Intake, record: &Record) -> Vec<Judged> {
     intake.take_if(&record.carried, |who, place| {
         let who = who.to_string();

@@ -27,7 +27,7 @@ pub const MAX_DRONES: usize = 4_096;
 /// The greatest number of senders with one drone's id that are kept.
 pub const MAX_SENDERS: u8 = 4;
 
-/// The drone that a message is about, by the id that its carrier states.
+/// The drone that a message is about, by the id that the message's carrier states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Who {
     /// The drone's MAVLink system id.
@@ -122,8 +122,8 @@ impl Fleet {
     pub fn take(&mut self, who: Who, source: Source, at_us: u64, bundle: &Bundle<'_>) -> (DroneId, Vec<Verdict>) {
         let mine: Vec<DroneId> = self.of(who).filter(|(_, sender)| sender.source == source).map(|(id, _)| id).collect();
         let fits = |id: &&DroneId| self.drones.get(id).is_some_and(|sender| sender.drone.fits(at_us, bundle));
-        // If this id and source have a single sender, that sender's own state determines whether the message is another
-        // sender's.
+        // If this id and source have a single sender, the message goes to that sender, whose own state then tells
+        // whether another sender sent it.
         let fitting = mine.iter().find(|id| mine.len() == 1 || fits(id)).or(mine.first()).copied();
         if bundle.objects().all(|(place, _)| place == Place::Hold) {
             let sender = fitting.and_then(|id| Some((id, self.drones.get_mut(&id)?)));

@@ -119,8 +119,8 @@ impl Intake {
         self.take_if(carried, |_, _| true)
     }
 
-    /// Judges like [`take`](Self::take), but skips objects for which `wanted` is false. Of a recording, only those
-    /// objects are judged that were judged when it was made.
+    /// Judges like [`take`](Self::take), but only objects for which `wanted` is true. So a playback judges only the
+    /// objects that were judged during the recording.
     pub fn take_if(&mut self, carried: &Carried, wanted: impl Fn(Who, Place) -> bool) -> Vec<Judged> {
         self.take_each(carried, wanted, |_, _, _| {})
     }

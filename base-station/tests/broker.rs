@@ -267,7 +267,8 @@ fn what_somebody_else_publishes_there_changes_nothing() {
     until("both show the drone, and no other", || fresh(late) == ["north/7"] && fresh(page) == ["north/7"]);
     for page in [page, late] {
         let drones = state(page)["drones"].as_array().unwrap().len();
-        // The subscriber that started earlier may show `north/8`, because it got that drone's message when it was new.
+        // The page of the subscriber that started earlier may show `north/8`, because that drone's message was new when
+        // it arrived there.
         let ids: Vec<_> = (0..drones).map(|nth| state(page)["drones"][nth]["id"].clone()).collect();
         assert!(ids.iter().all(|id| id == "north/7" || id == "north/8"), "{ids:?}");
         assert!(page != late || ids.len() == 1, "{ids:?}");

@@ -88,7 +88,6 @@ fn screenshot(tab: &mut Tab, name: &str) {
     tab.picture(&target.join(name).with_extension("png"));
 }
 
-/// A function that makes a [`Voice`] send uplinks or commands.
 type Enable = fn(Voice) -> Voice;
 
 struct Scene {
@@ -108,8 +107,8 @@ impl Scene {
         Self::with_key(clock, None)
     }
 
-    /// Starts a station with this clock. With a key, the station accepts only messages signed with the key, and sends
-    /// what the function enables.
+    /// Starts a station with this clock. With a key, the station accepts only messages that are signed with the key.
+    /// The function beside the key enables what the station may send.
     fn with_key(clock: impl FnOnce(Arc<AtomicU64>) -> Clock, key: Option<(Key, Enable)>) -> Self {
         let passed_us = Arc::new(AtomicU64::new(0));
         let clock = clock(Arc::clone(&passed_us));
@@ -315,7 +314,7 @@ fn every_value_shown_is_the_one_that_was_sent() {
     let after = now_ms() - last.taken;
     for age in &ages {
         let ms = age.strip_suffix(" s").and_then(|age| age.parse::<f64>().ok()).unwrap() * 1e3;
-        // On a busy machine the displayed age may lag by two pushes and one frame of the screen.
+        // On a busy machine the displayed age may lag by two states and one frame of the screen.
         assert!((before - 250.0..=after + 50.0).contains(&ms), "{ages:?}, {before} to {after} ms");
     }
     scene.is_clean(&mut tab);
@@ -327,7 +326,7 @@ fn the_page_marks_data_as_old_within_half_a_second() {
     let Some(mut tab) = tab("stale") else { return };
     let mut scene = Scene::begin();
     tab.open(&scene.address());
-    // Every 10 ms a script records the time. It also records each instant at which the verdict changes.
+    // A script records the time every 10 ms, and each instant at which the verdict changes.
     tab.eval(
         "window.turns = []; window.beats = [];
         new MutationObserver(() => turns.push([Date.now(), document.body.className]))
@@ -438,7 +437,7 @@ fn the_page_is_readable_on_each_screen_in_light_and_dark() {
     let Some(mut tab) = tab("looks") else { return };
     let mut scene = Scene::begin();
     tab.open(&scene.address());
-    // Relative luminance and contrast are those of WCAG 2.2. The background is the nearest one that is not transparent.
+    // The test computes luminance and contrast by WCAG 2.2. The background is the nearest one that is not transparent.
     let contrast = "window.contrast = (selector) => {
         const parts = (colour) => colour.match(/[\\d.]+/g).map(Number);
         const luminance = (colour) => {
@@ -506,7 +505,7 @@ fn the_page_can_be_used_by_keyboard_and_says_what_it_shows() {
     while order.len() < 8 {
         tab.press("Tab");
         order.push(tab.eval(focused).as_str().unwrap_or_default().to_owned());
-        // The second drone is silent by now, so the page may have a button to acknowledge that alarm.
+        // The second drone is silent by now, so the page may have a button to acknowledge the alarm about it.
         order.retain(|id| id != "acknowledge");
     }
     // The three empty names are elements without an id: the list of changes, and two drones in the list of all drones.
@@ -629,7 +628,7 @@ fn what_is_wrong_is_said_first_and_nothing_of_it_is_green() {
             reported.status = reported.status.with_state(HorusState::EmergencyFired);
         }),
         ("invalid", "no position: too few receivers agree", |reported, _| {
-            // The image has numbers for the position although it is invalid, and the page must not show them.
+            // The image has numbers for an invalid position. The page must not show these numbers.
             reported.status = reported.status.with_position_valid(false).with_receivers_agreeing(1);
         }),
         ("position-lost", "HORUS has lost its position and does not monitor", |reported, _| {
@@ -763,7 +762,6 @@ fn eight_drones_are_seen_with_the_worst_in_the_title() {
     let of = |id: &str| fleet.iter().find(|row| row[0] == id).unwrap()[1].clone();
     assert!(of("11").starts_with("HORUS has fired the emergency measure"), "{fleet:?}");
     assert!(of("13").contains("fewer receivers agree") || of("13").contains("old"), "{fleet:?}");
-    // The displayed drone stays when a new drone appears, even after a reload.
     assert_eq!(tab.eval("new URLSearchParams(location.search).get('drone')"), "7");
     let mut early = scene.another(1);
     scene.send_by(&mut early, |ms| well(ms, |_, _| {}));

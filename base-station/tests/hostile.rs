@@ -179,7 +179,8 @@ fn the_page_answers_again_after_a_thousand_idle_connections() {
     let watcher = Watcher::start(&page);
     for _ in 0..5 {
         let mut idle: Vec<TcpStream> = (0..200).map(|_| page.connect()).collect();
-        // Connections beyond the limit are closed at once. Those within it are closed after a time without a request.
+        // Connections beyond the limit are closed at once. Connections within the limit are closed after a time without
+        // a request.
         for stream in &mut idle {
             let bytes = all(stream);
             assert!(bytes.is_empty() || bytes.starts_with(b"HTTP/1.1 408"), "{}", String::from_utf8_lossy(&bytes));

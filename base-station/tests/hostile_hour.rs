@@ -1,6 +1,6 @@
-//! Tests an hour with a hostile neighbour, whose messages come beside those of three true drones. They are forged,
-//! replayed, reordered, truncated, oversized or from many senders. Time is virtual, and the messages are drawn from a
-//! seed.
+//! Tests an hour with a hostile neighbour, whose messages come beside those of three true drones. The neighbour's
+//! messages are forged, replayed, reordered, truncated, oversized or from many senders. Time is virtual, and the
+//! messages are drawn from a seed.
 
 use crate::common;
 

@@ -1,11 +1,12 @@
-//! Which violations of the judge's rules mislead a reader.
+//! Tells which violations of the judge's rules mislead a reader.
 
 use bench_judge::Violation;
 
 /// Whether `violation` means that invalid data were shown as valid to the flight controller or at the base station.
 ///
-/// Wrong contents of an object count, because the judge does not report whether the object was shown. Wrong flags of
-/// Link-Status, a wrong state of HORUS, a wrong timestamp and a wrong uplink count do too, because readers act on them.
+/// Wrong content of an object counts, because the judge does not report whether the object was shown. Wrong flags of
+/// Link-Status, a wrong state of HORUS, a wrong timestamp and a wrong number of uplinks count as well, because readers
+/// act on them.
 #[must_use]
 pub(crate) const fn is_dangerous(violation: Violation) -> bool {
     matches!(

@@ -1,6 +1,6 @@
 //! Either board of the link alone on a desk, with its front end outside any RFID field and nothing else connected.
 //!
-//! The cores use the pessimistic clock, because the test suites on the board must meet their time bounds on it.
+//! The cores use the pessimistic clock, because the boards' test suites must meet their time bounds on it.
 
 use cortex_m4::Pessimistic;
 use nrf52840::{Nrf52840, Settings};

@@ -12,8 +12,8 @@ use crate::faults::plan::LAST_BEFORE_END;
 use crate::faults::{Episode, Fault, Faults, Kind, PowerFault};
 use crate::sim::{Debugged, Error, Observer, Outcome, Setup};
 
-/// Runs the link to its end. The debugger on `connection` works at the board called `side`, which is halted at power-on
-/// until the debugger lets it run. An error of the connection is passed to `lost`, and the run continues without a
+/// Runs the link to its end, with a debugger on `connection` at the board `side`. The board is halted at power-on until
+/// the debugger starts it. If the connection fails, `lost` is called with the error, and the run continues without a
 /// debugger.
 ///
 /// # Errors
@@ -99,7 +99,7 @@ monitor faults LIST             what goes wrong from now on, drawn from the seed
         self.run.now()
     }
 
-    /// The reset is injected as a fault, so that the event log shows it.
+    /// A fault injects the reset, so that the event log has the reset.
     fn pull_reset(&mut self) {
         let now = self.node().now();
         let fault = Fault::Power(self.side, PowerFault::Pin);
@@ -115,7 +115,7 @@ monitor faults LIST             what goes wrong from now on, drawn from the seed
 }
 
 impl<C: Cost> Link<'_, C> {
-    /// Adds faults of the kinds in `list` from now on. Returns a message for the user.
+    /// Adds faults of the listed kinds from now on. Returns a message for the user.
     fn faults(&mut self, list: &str) -> String {
         let kinds: Result<Vec<Kind>, _> = list.split(',').map(str::parse).collect();
         let kinds = match kinds {

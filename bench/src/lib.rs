@@ -3,8 +3,8 @@
 //! [`emulator_node`] runs the ELF files in virtual time. [`boards`] has the circuits around the microcontrollers,
 //! [`payload`] what an active hold measures and heats, [`world`] the other surroundings, [`faults`] the injected
 //! faults. [`sim`] puts all of these together and writes one event log, which `bench-judge` judges. [`report`] has a
-//! run's figures, [`plot`] its flight as a picture, and [`trace`] its wires. `gdb` lets a debugger attach to the
-//! link, [`desk`] a debug probe to a board, and [`panel`] a user break things.
+//! run's figures, [`plot`] its flight as a picture, and [`trace`] its wires. `gdb` lets a debugger attach to the link,
+//! and [`desk`] lets a debug probe attach to a board. [`panel`] lets a user break things.
 #![forbid(unsafe_code)]
 
 pub mod boards;

@@ -1,16 +1,14 @@
 //! The panel, with which a user injects faults into a running flight and sees the boards' logs.
 //!
-//! A run passes the panel's faults to the bench between two of its steps ([`Observer::faults`](crate::sim::Observer)),
-//! as tests do. The judge is told of them too. How a user reaches the panel is not part of it.
+//! A run passes the panel's faults to the bench between two steps ([`Observer::faults`](crate::sim::Observer)), and the
+//! event log has them for the judge. Other crates connect the panel with its user.
 //!
-//! **Duration.** A fault lasts for a number of seconds of flight, or until the user ends it. It is a chain of episodes
-//! of a second, each of which begins before the last one ends. So each episode has an end, from which the judge
-//! checks the link's recovery. A supply that is switched off has one fixed end instead, because two such episodes would
-//! not join without a gap.
+//! **Duration.** A fault lasts for a number of seconds of flight, or until the user ends it. The panel makes a chain of
+//! overlapping episodes of a second, so that the judge knows an end after which the link must recover. Only a
+//! switched-off supply has one episode with a fixed end.
 //!
-//! **Hangs.** A firmware starts its watchdog a few microseconds after its own start; a board that hung before that
-//! would hang for ever. So the hang of a board that has just been restarted from the panel, or hangs already, is
-//! delayed until its watchdog certainly runs. A board without a supply is not made to hang.
+//! **Hangs.** A board that hangs before its firmware has started the watchdog would hang for ever. The panel therefore
+//! delays a hang until the board's watchdog certainly runs. A board without supply cannot hang.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -21,12 +19,12 @@ use crate::faults::plan::{FIRST_AT, HANG_LENGTH, LAST_BEFORE_END, WATCHDOG_START
 use crate::faults::{AirFaults, Board, Fault, Faults, PowerFault, ReceiverFault, name_of};
 use crate::sim::AHEAD_NS;
 
-/// The length of a step of the run after which the panel's faults are taken, virtual ns.
+/// The length of a step of the run, virtual ns. The panel's faults are added between two steps.
 pub const PIECE_NS: u64 = 100_000_000;
 
 const LINK_NS: u64 = 1_000_000_000;
 
-/// How long before an episode's end the next episode of a fault begins, virtual ns: two steps of the run.
+/// The overlap of two successive episodes of a fault, virtual ns: two steps of the run.
 const RENEW_NS: u64 = 2 * PIECE_NS;
 
 const LONGEST: f64 = 600.0;
@@ -127,7 +125,7 @@ struct Broken {
     thing: Thing,
     /// The instant at which the fault ends, virtual ns; `u64::MAX` until the user has ended it.
     until: u64,
-    /// The end of the fault's last episode that was passed to the bench, virtual ns.
+    /// The end of the last episode that the bench has received for this fault, virtual ns.
     told: u64,
 }
 
@@ -141,11 +139,11 @@ struct Line {
 /// A fault that lasts.
 #[derive(Debug, Serialize)]
 pub struct Lasting {
-    /// The code by which the fault is asked for.
+    /// The code of the fault in requests to the panel.
     pub code: String,
     /// The fault in words.
     pub words: String,
-    /// The instant at which it ends, s of flight; `None` until the user ends it.
+    /// The end of the fault, s of flight; `None` until the user ends it.
     pub until_s: Option<f64>,
 }
 
@@ -167,7 +165,7 @@ pub struct State<'a> {
 /// Something that can be broken.
 #[derive(Debug, Serialize)]
 pub struct Button {
-    /// The code by which the fault is asked for.
+    /// The code of the fault in requests to the panel.
     pub code: String,
     /// The fault in words.
     pub words: String,
@@ -196,7 +194,7 @@ pub struct Panel {
     end_ns: u64,
     now_ns: u64,
     over: bool,
-    /// The requested faults, which begin after the present step of the run, with their durations, ns.
+    /// The requested faults and their durations, ns. They begin after the present step of the run.
     asked: Vec<(Thing, u64)>,
     broken: Vec<Broken>,
     /// The instants from which on HORUS's and the DPR's watchdogs certainly run, virtual ns.
@@ -218,7 +216,7 @@ impl Panel {
         self.unstamped.push((board.to_owned(), line.to_owned()));
     }
 
-    /// The run has reached `now_ns` (virtual ns).
+    /// Tells the panel that the run has reached `now_ns` (virtual ns).
     pub fn progress(&mut self, now_ns: u64) {
         self.now_ns = now_ns;
         for (board, text) in std::mem::take(&mut self.unstamped) {
@@ -249,7 +247,7 @@ impl Panel {
     pub fn faults(&mut self, now: u64) -> Faults {
         let (at, last) = ((now + AHEAD_NS).max(FIRST_AT), self.last_ns());
         let mut faults = Faults::none();
-        // Faults that restart a board come first, so that a hang of the same board is delayed until its watchdog runs.
+        // Restarts of a board are handled before its hangs, because a restart may delay a hang.
         let mut asked = std::mem::take(&mut self.asked);
         asked.sort_by_key(|(thing, _)| matches!(thing, Thing::Hang(_)));
         for (thing, ns) in asked {
@@ -285,8 +283,7 @@ impl Panel {
                 },
             }
         }
-        // Only the last of several episodes on the air has effect, so each episode contains all present faults of the
-        // air.
+        // Only the last episode of the air has an effect, so each episode contains all present faults of the air.
         let air = AirFaults {
             lost: if self.lasts(Thing::Frames, now) { LOST } else { 0.0 },
             bit_error: if self.lasts(Thing::Bits, now) { BIT_ERROR } else { 0.0 },
@@ -363,8 +360,8 @@ impl Panel {
         Ok(())
     }
 
-    /// Presses the button of this index, for a fault of `ns` nanoseconds. Without `ns`, the fault lasts until the user
-    /// ends it, if it can, and otherwise for a second.
+    /// Presses the button of this index, for a fault of `ns` nanoseconds. Without `ns` the fault lasts until the user
+    /// ends it, or for a second if the user cannot end it.
     pub fn press(&mut self, button: usize, ns: Option<u64>) {
         let all = Thing::all(self.receivers);
         let thing = all[button % all.len()];
@@ -372,7 +369,7 @@ impl Panel {
         self.asked.push((thing, ns));
     }
 
-    /// Ends all faults or, with a code, that one.
+    /// Ends all faults or, with a code, the fault of that code.
     pub fn well(&mut self, code: Option<&str>) {
         let is_meant = |thing: Thing| code.is_none_or(|code| thing.code() == code);
         self.asked.retain(|(thing, _)| !is_meant(*thing));

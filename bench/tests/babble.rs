@@ -49,7 +49,6 @@ fn receivers_that_never_stop_talking_do_not_move_a_frame() {
         let Some(mut node) = boards::horus() else { return };
         let mut noise = Noise(1);
         let mut starts = vec![];
-        // The run lasts until 48 cycles after HORUS's first frame.
         while node.now() < starts.first().map_or(RAM_TEST + 100 * MS, |first| first + 485 * MS) {
             for line in 0..3 {
                 let bytes: Vec<u8> = match babble {
@@ -76,7 +75,7 @@ fn receivers_that_never_stop_talking_do_not_move_a_frame() {
         for pair in commands.windows(2) {
             assert!((pair[1] - pair[0]).abs_diff(10 * MS) <= TICK_TO_COMMAND_JITTER, "{babble:?}: {pair:?}");
         }
-        // The front end adds a scatter of its own between the transmit command and the first bit.
+        // The front end adds its own scatter between the transmit command and the first bit.
         let scatter = TICK_TO_COMMAND_JITTER + Config::default().transmit_scatter_ns;
         for pair in starts.windows(2) {
             assert!((pair[1] - pair[0]).abs_diff(10 * MS) <= scatter, "{babble:?}: {pair:?}");
@@ -192,7 +191,6 @@ fn a_flight_controller_that_misuses_the_ssi_costs_no_frame() {
         let wrong = downstream.wrong;
         let violations = count(&dpr, std::mem::offset_of!(DprTelemetry, access_violations));
         println!("{}: {wrong} transactions, load {load:.4}, {violations} access violations", conduct.name());
-        // The DPR has received the frames of HORUS's ticks from 31 ms to 411 ms.
         assert_eq!(count(&dpr, std::mem::offset_of!(DprTelemetry, frames_received)), 39, "{conduct:?}");
         // The DPR does not show the first cycles, which find the sequence.
         let shown = 39 - u32::from(SEARCH_CYCLES);
@@ -207,18 +205,15 @@ fn a_flight_controller_that_misuses_the_ssi_costs_no_frame() {
         }
         let images = u32::try_from((EPISODE.end - EPISODE.start) / (10 * MS)).unwrap();
         let expected = match conduct {
-            // Noise contains neither request nor object. Each transaction therefore counts one violation for the
-            // request and one for the object.
+            // Each transaction has a wrong request and a wrong object.
             Conduct::RunsAway => 3..=3,
             Conduct::RandomBytes => 225..=225,
-            // The requested windows do not exist, and the bytes in place of an object are no object.
             Conduct::Lies => 75..=90,
-            // The uplink object is new only the first time. Each repetition counts as a violation.
+            // Only the first uplink object is new.
             Conduct::ReplaysUplink => 74..=74,
-            // An image grants a number of transactions. Each image for which the flight controller makes more counts as
-            // one violation.
+            // An image for which too many transactions are made counts as one violation.
             Conduct::Hammers | Conduct::ZeroBytes | Conduct::TogglesCsn | Conduct::BackToBack => images..=images + 1,
-            // Zeros request nothing, and further bytes behind a request are no violation.
+            // Zeros request nothing, and bytes behind a request are allowed.
             _ => 0..=0,
         };
         assert!(expected.contains(&violations), "{conduct:?}: {violations} violations");

@@ -31,7 +31,7 @@ fn outcome_of(faults: Faults, duration: u64, log: Option<PathBuf>) -> Option<Out
 fn bits_that_flip_in_any_cycle_are_never_shown_as_valid() {
     let mut faults = Faults::none();
     for (nth, at) in (300..900).step_by(7).enumerate() {
-        // The multiplication spreads the words, so that the flips hit bits all over the buffers.
+        // The multiplication spreads the flips over all buffers.
         let word = (nth as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 20;
         let buffers = if nth % 2 == 0 { Buffers::Receive } else { Buffers::Image };
         faults = faults.with(at * MS, at * MS, Fault::Buffer(BufferFault::Flips(buffers, word)));
@@ -39,7 +39,7 @@ fn bits_that_flip_in_any_cycle_are_never_shown_as_valid() {
     let Some(outcome) = outcome(faults, 1_200 * MS) else { return };
     assert_eq!(outcome.report.violations, [""; 0]);
     assert_eq!(outcome.report.faults.invalid_shown_valid, 0);
-    // The CRCs show that some flips changed an object that was read.
+    // Some flips changed an object that was read, and its CRC showed it.
     assert!(outcome.report.ssi.bad_crc > 0, "{:?}", outcome.report.ssi);
 }
 
@@ -57,13 +57,13 @@ fn a_scrub_finds_a_bit_stuck_at_either_value() {
     assert_eq!(sound.report.dpr.scrub_faults, 0);
 }
 
-/// If the stored length of a frame is wrong, the DPR reads and verifies the whole frame after its last bit.
+/// If the length of a frame changes in the buffer, the DPR verifies the frame only after its last bit.
 #[test]
 fn a_bit_stuck_in_a_frames_length_only_makes_it_late() {
     let mut late = 0;
     for buffer in 0..RECEIVE_BUFFERS as u64 {
         let length = 8 * (buffer * 4 * RECEIVE_WORDS as u64 + LEAD as u64);
-        // A frame for three receivers has LEN 245. The number is odd, and the stuck bit makes it even.
+        // A frame for three receivers has LEN 245. The stuck bit is the lowest bit of LEN.
         let stuck = Fault::Buffer(BufferFault::Stuck(Buffers::Receive, false, length));
         let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("stuck-{buffer}.log"));
         let faults = Faults::none().with(300 * MS, 340 * MS, stuck);
@@ -82,7 +82,7 @@ fn a_bit_stuck_in_a_frames_length_only_makes_it_late() {
         });
         late += latency.filter(|latency| *latency > bounds::LAST_BIT_TO_READABLE).count();
     }
-    // The scrub takes the buffer with the stuck bit out of use. Later frames are therefore in time.
+    // A scrub takes the buffer with the stuck bit out of use, so at most one frame per buffer is late.
     assert!((1..=RECEIVE_BUFFERS).contains(&late), "{late} frames were late");
 }
 

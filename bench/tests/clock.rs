@@ -1,4 +1,4 @@
-//! Tests HORUS's release program without the board's external clock, which is absent from the start (as on a NUCLEO
+//! Tests HORUS's release program without the board's external clock. The clock is absent from the start (as on a NUCLEO
 //! whose ST-LINK has no power) or fails later.
 
 use crate::{boards, reader};
@@ -16,11 +16,9 @@ use reader::{Antenna, MS, Reader, US};
 use st25r3916_model::AirEvent;
 use stm32f429::Oscillators;
 
-/// The longest time from the failure of the external clock until the field is off, ns.
 const FIELD_OFF: u64 = 100 * US;
 
-/// The longest time from the end of the field to the watchdog's reset, ns. The watchdog takes 100 ms at 32 kHz, but its
-/// oscillator may run at 17 kHz (DS9405 table 42).
+/// HORUS's watchdog takes 100 ms at 32 kHz, but its oscillator may run at 17 kHz (DS9405 table 42).
 const BITE: u64 = 200 * MS;
 
 #[test]
@@ -29,8 +27,8 @@ fn the_dpr_accepts_what_horus_sends_without_a_crystal() {
         let oscillators = Oscillators { hse_hz: None, hsi_ppb, ..Oscillators::default() };
         let (Some(a), Some(b)) = (boards::horus_on(oscillators), boards::dpr()) else { return };
         let mut relay = Relay { a, b, upstream: Antenna::default(), downstream: Reader::new() };
-        // The DPR compares HORUS's clock with its own over a window of about a second, and the run is longer than two
-        // windows.
+        // The DPR compares HORUS's clock with its own over windows of about a second. The run is longer than two of
+        // these windows.
         relay.run(2_300 * MS, 100 * MS, Threads::Two, |_, _, _| Ok::<_, ()>(())).unwrap();
         let Relay { a: horus, b: dpr, upstream, downstream: reader } = relay;
         assert!(!horus.part().has_hse());
@@ -48,7 +46,6 @@ fn the_dpr_accepts_what_horus_sends_without_a_crystal() {
             let position = ReportedPosition::verify(&frame.payload[..ReportedPosition::SIZE]).unwrap();
             assert!(position.values().status.without_crystal(), "{hsi_ppb} ppb: {} ms", position.timestamp());
         }
-        // Without a crystal the time from the tick to the transmit command varies no more than with one.
         let after = |tick: u64| upstream.transmits.iter().find(|at| **at > tick).map(|at| at - tick);
         let delays: Vec<u64> = upstream.ticks.iter().filter_map(|tick| after(*tick)).collect();
         let (least, most) = (*delays.iter().min().unwrap(), *delays.iter().max().unwrap());
@@ -72,7 +69,7 @@ fn the_dpr_accepts_what_horus_sends_without_a_crystal() {
 
 #[test]
 fn a_pll_that_never_locks_is_named_after_the_watchdogs_restart() {
-    // HSE becomes ready, but has a frequency that puts the PLL out of its range.
+    // HSE has a frequency that puts the PLL out of its range.
     let oscillators = Oscillators { hse_hz: Some(25_000_000), ..Oscillators::default() };
     let Some(mut horus) = boards::horus_on(oscillators) else { return };
     let mut restarts = 0;
@@ -90,7 +87,6 @@ fn a_pll_that_never_locks_is_named_after_the_watchdogs_restart() {
     assert!((2..=5).contains(&restarts), "{restarts}");
 }
 
-/// Returns whether the DPR shows HORUS's objects, and whether it reports HORUS's clock as implausible.
 fn verdict(hsi_ppb: i64) -> Option<(bool, bool)> {
     let oscillators = Oscillators { hse_hz: None, hsi_ppb, ..Oscillators::default() };
     let (a, b) = (boards::horus_on(oscillators)?, boards::dpr()?);
@@ -108,7 +104,8 @@ fn verdict(hsi_ppb: i64) -> Option<(bool, bool)> {
     Some((all(|(_, shown)| *shown), all(|(status, _)| status.horus_clock_implausible())))
 }
 
-/// The DPR accepts cycles of 10 ms ± 0.5 ms in its search for the sequence. An error of 2 % makes a clock implausible.
+/// The DPR accepts cycles of 10 ms ± 0.5 ms when it searches for the sequence. It reports a clock as implausible from
+/// an error of 2 % on.
 #[test]
 fn the_dpr_judges_horus_without_a_crystal_by_its_error() {
     for (percent, expected) in [
@@ -137,7 +134,6 @@ impl Transmitter {
         Some(Self { node: boards::horus()?, air: vec![] })
     }
 
-    /// Runs to `end`, or to the board's next restart if that comes first. Returns whether the board restarted.
     fn run_to(&mut self, end: u64) -> bool {
         while self.node.now() < end {
             let restarted = self.node.advance_to_restart(end);
@@ -153,8 +149,7 @@ impl Transmitter {
         self.air.iter().find(|(at, event)| *at >= from && matches!(event, AirEvent::FieldOff)).map(|(at, _)| *at)
     }
 
-    /// Returns the frames from `from` on: the instant of each, and whether it reports that HORUS runs without a
-    /// crystal.
+    /// Returns the instant of each frame from `from` on, and whether it reports that HORUS runs without a crystal.
     fn frames(&self, from: u64) -> Vec<(u64, bool)> {
         let mut frames = vec![];
         let (mut started, mut bytes) = (0, vec![]);
@@ -174,8 +169,7 @@ impl Transmitter {
     }
 }
 
-/// The clock fails in each phase of a cycle: while a profile is sealed, while it is loaded, while it is on the air, and
-/// in the silence after it.
+/// The clock fails while a profile is sealed, while it is loaded, while it is on the air, and after that.
 #[test]
 fn a_clock_that_fails_switches_the_field_off_at_once() {
     let mut worst = 0;
@@ -213,7 +207,7 @@ fn a_clock_that_fails_switches_the_field_off_at_once() {
             assert!((pair[1].0 - pair[0].0).abs_diff(10 * MS) <= 3_000, "{phase}: {pair:?}");
         }
 
-        // The external clock works again, but HORUS uses it only from its next start on.
+        // HORUS uses the external clock only from its next start on.
         horus.node.input(|part, view, at| part.restore_hse(at, view));
         let restored = horus.node.now();
         assert!(!horus.run_to(restored + 50 * MS), "{phase}");

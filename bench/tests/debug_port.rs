@@ -28,7 +28,6 @@ const DCRDR: u32 = 0xE000_EDF8;
 const DEMCR: u32 = 0xE000_EDFC;
 const DEBUG_KEY: u32 = 0xA05F_0000;
 
-/// A simple debugging tool at a board's wires.
 struct Tool(Box<dyn Wire>);
 
 impl Tool {
@@ -36,7 +35,6 @@ impl Tool {
         Self(switch_on(desk, None).unwrap())
     }
 
-    /// Returns a debugging tool that has selected SWD and powered both power domains.
     fn connected(desk: Desk) -> Self {
         let mut tool = Self::at(desk);
         tool.connect();
@@ -183,11 +181,11 @@ fn a_bus_error_is_sticky_until_it_is_cleared() {
 fn the_halted_core_runs_a_program_that_the_debugger_put_into_ram() {
     let mut tool = Tool::connected(Desk::Horus);
     assert_eq!(tool.read(0xE004_2000) & 0xFFF, 0x419, "DBGMCU_IDCODE");
-    // A core without a program locks up, and a halt ends the lock-up.
+    // A core without a program locks up. A halt ends the lock-up.
     assert_eq!(tool.read(DHCSR) >> 19 & 1, 1, "S_LOCKUP");
     tool.halt();
     assert_eq!(tool.read(DHCSR) >> 19 & 1, 0, "S_LOCKUP");
-    // The code written to RAM is movs r0, #7; adds r0, r0, r0; bkpt 0.
+    // The code in RAM is movs r0, #7; adds r0, r0, r0; bkpt 0.
     tool.write(0x2000_0100, 0x1800_2007);
     tool.write(0x2000_0104, 0x0000_BE00);
     tool.set_register(15, 0x2000_0100);
@@ -363,9 +361,9 @@ fn an_nrf52840s_watchdog_pauses_while_the_core_is_halted() {
     tool.0.pass(170 * MS);
     assert_eq!(tool.access(1, 0x0C), 1);
     tool.halt();
-    // The program written to RAM is a single branch to itself.
+    // The code in RAM is a branch to itself.
     tool.write(0x2000_0100, 0xE7FE_E7FE);
-    // The watchdog's period is 100 ms. It runs while the core sleeps and pauses while the core is halted.
+    // The watchdog of 100 ms pauses while the core is halted, but not while it sleeps.
     tool.write(WDT + 0x504, 3276);
     tool.write(WDT + 0x50C, 1);
     tool.write(WDT, 1);

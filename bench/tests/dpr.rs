@@ -36,7 +36,6 @@ enum Reset {
     Watchdog,
 }
 
-/// The longest time from a task's last check-in to the watchdog's reset, ns.
 const BITE: u64 = 200 * MS;
 
 impl Reset {
@@ -70,8 +69,7 @@ fn link_status_tells_each_reason_of_the_last_reset_apart() {
         (status.reset_reason(), status.unasked_reset())
     };
     assert_eq!(told(&mut node), (Some(ResetReason::PowerOn), false), "at first");
-    // Successive resets have different reasons. A reason that is reported wrongly from an earlier reset would therefore
-    // show.
+    // The reasons of two successive resets differ, so that an old reason would be noticed.
     let resets = [
         (Reset::Pin, ResetReason::Pin),
         (Reset::Watchdog, ResetReason::Watchdog),
@@ -125,13 +123,12 @@ fn an_undriven_mosi_reads_the_image_and_violates_nothing() {
     pass(&mut node, 50 * MS);
     let (mut read, mut silent) = (0, 0);
     while node.now() < 1_000 * MS {
-        // The transactions have the length of a whole image, less than a request, and less than the most that can be
-        // written.
+        // The transactions have the length of an image, of a request and object, and shorter lengths.
         let bytes = [layout().image_len(), 96, 7, 32, 8, 1][read as usize % 6];
         let miso = transact(&mut node, bytes, 0xFF);
         if bytes >= 32 {
             let shown = View::of(node.now(), &miso);
-            // A transaction that begins while the DPR puts in a new image reads only ones.
+            // A transaction reads only ones while the DPR puts in a new image, and the DPR does not count it.
             let is_busy = miso.iter().all(|byte| *byte == 0xFF);
             assert!(shown.link.is_some() || is_busy, "transaction {read} of {bytes} bytes: {miso:02x?}");
             silent += usize::from(is_busy);
@@ -141,7 +138,6 @@ fn an_undriven_mosi_reads_the_image_and_violates_nothing() {
     }
     assert!(read >= 400, "{read}");
     assert_eq!(count(&node, std::mem::offset_of!(Telemetry, access_violations)), 0);
-    // The DPR does not count a transaction that begins while it puts in a new image.
     let events = node.input(|part, _, _| part.take_spis_events());
     let busy = events.iter().filter(|(.., event)| *event == SpisEvent::Busy).count();
     assert!(silent <= busy && busy <= 2, "{busy} of {read}, {silent} of them seen");
@@ -160,13 +156,13 @@ fn a_busy_dpr_keeps_its_window_and_ignores_a_request() {
         let mosi = encode(Request { offset, length }).to_vec();
         carry(node, Order { mosi, ..Order::read(bytes) })
     };
-    // Without frames the DPR publishes every 10 ms, and several transactions fit between two publications.
+    // The transactions begin just after a publication; without frames the next one comes 10 ms later.
     let mut rose = vec![];
     while rose.is_empty() {
         pass(&mut node, MS / 10);
         rose = node.board_mut(Dpr::take_fresh);
     }
-    // The task of the SSI hangs after the first transaction, so the second one finds the DPR busy.
+    // The task of the SSI hangs after the first transaction, so the DPR stays busy.
     let hung = ImageFault::Hung("SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1".into()).apply(&mut node).unwrap();
     let image = ask(&mut node, 16, 16, whole);
     assert!(image.iter().any(|byte| *byte != 0xFF));
@@ -189,8 +185,7 @@ fn transactions_that_clock_too_many_bytes_out_or_in_are_counted() {
     };
     assert_eq!(counts(&node), (0, 0));
     let image = layout().map_len();
-    // Each row has the length of a transaction, bytes, and whether the DPR counts it (1) or not (0): as reading too
-    // much, and as writing too much.
+    // A row has a transaction's length in bytes, and whether the DPR counts it as reading or as writing too much.
     let mut expected = (0, 0);
     for (bytes, reads, writes) in [
         (RECEIVE_BYTES, 0, 0),
@@ -222,11 +217,11 @@ fn a_revision_3_parts_debug_port_is_opened_if_uicr_allows_it() {
         let Some(mut node) = boards::dpr_on(settings) else { return };
         node.write(UICR_APPROTECT, &u32::to_le_bytes(uicr)).unwrap();
         pass(&mut node, 50 * MS);
-        // With the hardware's protection word at 0x5A, the firmware alone decides whether the debug port is open.
+        // With the value 0x5A in UICR.APPROTECT, only the firmware determines whether the debug port is open.
         let software = node.part().debug_port_open(0x5A);
         assert_eq!(software, opened, "{build_code:?} with {uicr:#x}");
         assert_eq!(node.part().debug_port_open(uicr), opened, "{build_code:?} with {uicr:#x}");
-        // After a reset the debug port is closed, and the firmware opens it again.
+        // A reset closes the debug port, and the firmware opens it again.
         node.restart(FromOutside::Pin);
         assert!(!node.part().debug_port_open(uicr));
         pass(&mut node, 50 * MS);

@@ -45,7 +45,6 @@ fn faults_of_every_kind_at_once_violate_nothing_and_the_link_recovers() {
             let injected = report.faults.injected.keys().any(|name| name.starts_with(kind));
             assert!(injected, "{kind} of {:?}", report.faults.injected);
         }
-        // The limit is 15 cycles if a front end had to be brought up again, and 5 otherwise.
         let recovery = report.faults.max_recovery_cycles.unwrap_or_else(|| panic!("seed {seed}: nothing was measured"));
         assert!((1..=15).contains(&recovery), "{gps} receivers, seed {seed}: {recovery} cycles");
         let plain = report.faults.max_recovery_cycles_without_bring_up;
@@ -61,7 +60,7 @@ fn a_kind_of_fault_alone_is_injected_alone() {
         (Kind::Power, &["power"]),
         (Kind::Buffers, &["buffer"]),
         (Kind::Inputs, &["input"]),
-        // A hang during a start needs a restart before it.
+        // For a hang during a start, the board is restarted first.
         (Kind::Hang, &["hang", "dead task", "spurious interrupt", "power horus", "power dpr"]),
         (Kind::Chips, &["horus front end register", "dpr front end register"]),
     ] {

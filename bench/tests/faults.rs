@@ -19,11 +19,9 @@ use st25r3916_model::{Air, AirEvent, AirFaults};
 const US: u64 = 1_000;
 const MS: u64 = 1_000_000;
 
-/// The longest time from a task's last check-in to the watchdog's reset, ns. HORUS's watchdog takes 100 ms at 32 kHz,
-/// but its oscillator may run at 17 kHz (DS9405 table 42).
+/// HORUS's watchdog takes 100 ms at 32 kHz, but its oscillator may run at 17 kHz (DS9405 table 42).
 const BITE: u64 = 200 * MS;
 
-/// The time that HORUS needs to start and to send four frames, ns.
 const STARTS: u64 = boards::RAM_TEST + 55 * MS;
 
 const DAMAGES: [(Damage, &str); 2] = [(ImageFault::Dead, "dead"), (ImageFault::Hung, "hung")];
@@ -34,7 +32,7 @@ fn break_task<B: Board>(node: &mut Node<B>, vector: &str, damage: Damage) -> Rep
     damage(vector.to_owned()).apply(node).unwrap()
 }
 
-/// Runs to the board's next restart, and returns its instant. Calls `look` whenever a signal has left the board.
+/// Runs to the board's next restart, and returns its instant. Calls `look` after each step.
 fn until_restart<B: Board>(node: &mut Node<B>, within: u64, mut look: impl FnMut(&mut Node<B>)) -> u64 {
     let end = node.now() + within;
     while node.now() < end {
@@ -87,7 +85,6 @@ impl Transmitter {
     }
 }
 
-/// The vectors and names of HORUS's tasks that must check in, and of the task that triggers them.
 const HORUS_TASKS: [(&str, &str); 4] =
     [("TIM2", "slot"), ("CAN1_TX", "rf_slot"), ("CAN1_RX0", "cycle"), ("CAN1_RX1", "parse")];
 
@@ -119,7 +116,7 @@ fn a_fault_in_a_horus_task_switches_the_field_off_at_once() {
         horus.run_for(STARTS);
         let (broken, repair) = (horus.node.now(), break_task(&mut horus.node, vector, ImageFault::Faulting));
         let restarted = horus.until_restart();
-        // Every task that is damaged here runs in every cycle, so its fault must show within a cycle.
+        // Each of these tasks runs in every cycle, and so does its fault.
         let off = horus.field_off(broken).unwrap_or_else(|| panic!("{task}: the field stayed on"));
         assert!(off <= broken + 11 * MS, "{task}: {off}");
         assert!(restarted > off);
@@ -138,8 +135,8 @@ fn link_status(node: &mut Node<Dpr>) -> LinkStatus {
     *LinkStatus::verify(&read).unwrap_or_else(|rejection| panic!("{rejection} in {read:02x?}"))
 }
 
-/// The vectors and names of the DPR's tasks that run without a frame. `commit` is missing, because `deadline` then does
-/// its work.
+/// The DPR's tasks that run without frames, each as its vector and its name. `commit` is left out because `deadline`
+/// does its work then.
 const DPR_TASKS: [(&str, &str); 4] = [
     ("SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1", "ssi_end"),
     ("GPIOTE", "rf_irq"),
@@ -172,7 +169,7 @@ fn a_fault_in_a_dpr_task_leaves_nothing_readable_until_the_restart() {
         let Some(mut dpr) = boards::dpr() else { return };
         dpr.advance(50 * MS);
         let repair = break_task(&mut dpr, vector, ImageFault::Faulting);
-        // The DPR's deadline monitor runs every 12.5 ms and triggers the damaged task.
+        // The task `deadline` runs every 12.5 ms and calls the damaged one.
         dpr.advance(dpr.now() + 15 * MS);
         assert!(faulted(&mut dpr), "{task}");
         let read = transact(&mut dpr, LinkStatus::SIZE, 0);
@@ -186,21 +183,19 @@ fn a_fault_in_a_dpr_task_leaves_nothing_readable_until_the_restart() {
     }
 }
 
-/// The longest time, ns, after the end of its frame for which an object may be read as valid: the image expires within
-/// 30 ms.
+/// The longest time from a frame's end for which its objects may be read as valid, ns.
 const STALE: u64 = 30 * MS;
 
-/// A flight controller that reads the whole image again and again, and the air to the DPR's front end.
+/// A flight controller that reads the image all the time, and the air to the DPR.
 struct Reader {
     master: SsiMaster,
     transactions: usize,
-    /// The transactions: the instant of each, and the timestamps of the valid objects that it read.
+    /// The instant of each transaction, and the timestamps of the valid objects that it read.
     read: Vec<(u64, Vec<u32>)>,
     air: Air,
     frame: Vec<u8>,
-    /// For each frame's timestamp, the instant at which the frame's last bit ended.
     sent: std::collections::BTreeMap<u32, u64>,
-    /// Whether the air loses all frames while the task is damaged. Some tasks run only if frames are missing.
+    /// Whether the air loses all frames while the task is damaged. A task that runs only without frames needs this.
     loses: bool,
     lost: bool,
     broken: Option<(u64, Repair)>,
@@ -209,7 +204,6 @@ struct Reader {
 
 const FIRST_READ: u64 = 20 * MS;
 
-/// The pauses between two transactions, ns, which are used in turn.
 const PAUSES: [u64; 3] = [US * 700, US * 2_150, US * 3_600];
 
 impl Reader {
@@ -244,7 +238,6 @@ impl Reader {
         reported.into_iter().chain(gps).collect()
     }
 
-    /// Returns the instant at which the oldest data were read as valid, and the time since their frame's end.
     fn oldest(&self) -> (u64, u64) {
         let timestamps = self.read.iter().flat_map(|(at, valid)| valid.iter().map(move |ms| (*at, *ms)));
         let ages = timestamps.map(|(at, ms)| {
@@ -315,8 +308,7 @@ impl Upstream<Horus> for Antenna {
     fn notes(&mut self, _node: &mut Node<Horus>) {}
 }
 
-/// The vectors and names of all tasks of the DPR. `idle` has no vector; it is damaged at the instruction at which it
-/// sleeps.
+/// All tasks of the DPR, each as its vector and its name. `idle` has no vector.
 const EVERY_DPR_TASK: [(&str, &str); 8] = [
     ("SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1", "ssi_end"),
     ("SPIM0_SPIS0_TWIM0_TWIS0_SPI0_TWI0", "rf_spi"),
@@ -328,10 +320,9 @@ const EVERY_DPR_TASK: [(&str, &str); 8] = [
     ("", "idle"),
 ];
 
-/// The DPR's tasks that run only when frames are missing.
 const ON_LOSS: [&str; 2] = ["rf_timer", "deadline"];
 
-/// Makes a task hang. `idle`, which has no vector, hangs at the instruction at which it sleeps.
+/// Makes a task hang; `idle` hangs at the instruction at which it sleeps.
 fn hang(node: &mut Node<Dpr>, vector: &str) -> Option<Repair> {
     if !vector.is_empty() {
         return Some(break_task(node, vector, ImageFault::Hung));
@@ -342,8 +333,8 @@ fn hang(node: &mut Node<Dpr>, vector: &str) -> Option<Repair> {
     Some(ImageFault::Stopped(u32::try_from(address).unwrap()).apply(node).unwrap())
 }
 
-/// Hangs a task of the DPR at `breaks_at` while the flight controller reads, and repairs the damage after the restart.
-/// The firmware restarts once more if it finds the damage in its flash before the repair.
+/// Hangs a task of the DPR at `breaks_at` while the flight controller reads. The damage is repaired after the restart,
+/// but a firmware that finds it first restarts once more.
 fn hung(vector: &str, task: &str, breaks_at: u64) -> Option<Reader> {
     let (Some(a), Some(b)) = (boards::horus(), boards::dpr()) else { return None };
     let mut relay = Relay { a, b, upstream: Antenna, downstream: Reader::new(ON_LOSS.contains(&task)) };
@@ -374,7 +365,7 @@ fn hung(vector: &str, task: &str, breaks_at: u64) -> Option<Reader> {
 fn no_dpr_task_that_hangs_leaves_old_data_readable_as_valid() {
     let mut stale = vec![];
     for (nth, (vector, task)) in EVERY_DPR_TASK.into_iter().enumerate() {
-        // Each damage begins after ten valid images, at another phase of HORUS's cycle.
+        // The damage begins in another phase of HORUS's cycle for each task.
         let Some(reader) = hung(vector, task, 110 * MS + nth as u64 * 1_250 * US) else { return };
         let (at, age) = reader.oldest();
         println!("{task} hung: the oldest data read as valid were {} us old", age / US);
@@ -385,7 +376,6 @@ fn no_dpr_task_that_hangs_leaves_old_data_readable_as_valid() {
     assert!(stale.is_empty(), "{stale:#?}");
 }
 
-/// Returns the address of the vector of an unused interrupt, which is never fetched.
 fn unused_vector(table: u64, interrupt: u64) -> u64 {
     table + 4 * (16 + interrupt)
 }
@@ -398,7 +388,7 @@ fn flip<B: Board>(node: &mut Node<B>, address: u64) {
 #[test]
 fn horus_emits_no_field_while_a_bit_of_its_flash_is_wrong() {
     let Some(mut horus) = transmitter() else { return };
-    // Interrupt 0, the window watchdog's, is unused.
+    // The flipped bit is in the vector of interrupt 0, that of the window watchdog, which is never used.
     let address = unused_vector(0x0800_0000, 0);
     flip(&mut horus.node, address);
     horus.run_for(500 * MS);
@@ -430,7 +420,7 @@ fn the_dpr_shows_nothing_while_a_bit_of_its_flash_is_wrong() {
     assert_eq!(dpr.resets().len(), bites, "and no other");
     let log = logged(&mut dpr);
     assert!(log.contains("flash"), "{log}");
-    // The bit is flipped back only when the firmware has found it and waits for the watchdog.
+    // The bit flips back when the firmware has found it and waits for the watchdog.
     until_restart(&mut dpr, BITE, |_| {});
     dpr.advance(dpr.now() + 50 * MS);
     flip(&mut dpr, address);

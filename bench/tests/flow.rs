@@ -1,4 +1,5 @@
-//! Tests that a board whose tasks run out of their order stops: its safe state, the watchdog's reset, the cause told.
+//! Tests that a board stops if its tasks run out of their order: the watchdog resets it, and the next start reports the
+//! cause.
 
 use crate::{boards, thumb};
 
@@ -16,7 +17,7 @@ use thumb::TIM2;
 
 const MS: u64 = 1_000_000;
 const US: u64 = 1_000;
-/// The instant at which both boards have started and the link has been up for 200 ms, ns.
+/// The instant, ns, at which the link has been up for 200 ms.
 const BEGINS: u64 = 303 * MS;
 const AFTER: u64 = 700 * MS;
 
@@ -25,9 +26,8 @@ fn setup(gps: usize, clock: Clock, faults: Faults, duration: u64) -> Option<Setu
     Some(Setup { clock, faults, ..Setup::new(images, gps, duration) })
 }
 
-/// Runs the link with a spurious interrupt of `task` of `board` at `at`, ns. Returns whether the interrupt was raised,
-/// or what is wrong with the outcome: a step of a cycle must end in the watchdog's reset, any other task must change
-/// nothing.
+/// Raises a spurious interrupt of a task at `at`, ns. Returns whether the interrupt could be raised. Returns an error
+/// if the task is a step of a cycle and its watchdog did not reset the board, or if any other task had an effect.
 fn spurious(gps: usize, clock: Clock, board: Board, task: u8, at: u64) -> Option<Result<bool, String>> {
     let faults = Faults::none().with(at, at, Fault::Spurious(board, task));
     let setup = setup(gps, clock, faults, at + AFTER)?;
@@ -81,7 +81,8 @@ fn a_step_out_of_its_turn_is_found_anywhere_in_the_cycle() {
             let steps = (0..tasks_of(board).len() as u8).filter(|task| is_step(board, *task));
             for (turn, task) in (0..).zip(steps) {
                 let at = BEGINS + 3_300 * US * nth + 1_910 * US * turn;
-                // A board that is busy takes none, but no task of the two runs for 100 us.
+                // A busy board accepts no spurious interrupt. No task takes longer than 100 µs at these instants, so
+                // the second try comes 100 µs later.
                 let outcome = match spurious(5, clock, board, task, at) {
                     Some(Ok(false)) => spurious(5, clock, board, task, at + 100 * US),
                     first => first,
@@ -96,7 +97,7 @@ fn a_step_out_of_its_turn_is_found_anywhere_in_the_cycle() {
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
-/// Runs a board for `time`, ns. Returns whether it has restarted, and then has run for 30 ms more.
+/// Runs a board for `time`, ns, or to its restart and for 30 ms more. Returns whether it restarts exactly once.
 fn restarts_within<B: Powered>(node: &mut Node<B>, time: u64) -> bool {
     let run = |node: &mut Node<B>, to| {
         while node.now() < to {
@@ -113,7 +114,7 @@ fn restarts_within<B: Powered>(node: &mut Node<B>, time: u64) -> bool {
     restarted && !run(node, started + after)
 }
 
-/// TIM2's registers, RM0090 18.4.21, and a change of each that makes slots or ticks come at other times.
+/// Changes of TIM2's registers (RM0090 18.4.21) that move slots or ticks: name, offset, inverted bit.
 const TIMER_CHANGES: [(&str, u32, u32); 6] = [
     ("counter", 0x24, 1 << 18),
     ("prescaler", 0x28, 1),
@@ -139,7 +140,7 @@ fn a_cycle_timer_with_a_changed_register_stops_horus_within_a_cycle() {
     }
 }
 
-/// TIMER1 of the hold, which raises its beats: PRESCALER and CC[0], PS 6.30.
+/// The registers of the hold's TIMER1, which calls the tasks of its cycle: PRESCALER and CC\[0\] (PS 6.30).
 const BEAT_TIMER: u32 = 0x4000_9000;
 const HOLD_TIMER_CHANGES: [(&str, u32, u32); 3] =
     [("prescaler", 0x510, 1), ("beat earlier", 0x540, 1 << 13), ("beat later", 0x540, 1 << 11)];
@@ -148,7 +149,7 @@ const HOLD_TIMER_CHANGES: [(&str, u32, u32); 3] =
 #[test]
 fn the_hold_stops_when_its_cycle_runs_out_of_order_or_time() {
     let Some(mut hold) = boards::hold(1) else { return };
-    // The timer's count is below the beat's earlier compare value, which it would otherwise never meet.
+    // The timer has counted less than the changed compare value, so it still reaches that value.
     assert!(!restarts_within(&mut hold, 225 * MS));
     let line = |vector| Nrf52840::exception(vector).unwrap() - 16;
     let mut stops = vec![];
@@ -173,7 +174,8 @@ fn the_hold_stops_when_its_cycle_runs_out_of_order_or_time() {
     assert!(!restarts_within(&mut hold, 200 * MS), "the sensors' task finds no work");
 }
 
-/// A call of a task covers a spurious interrupt of it, so faults raise one only where no call can come before the task.
+/// A board is ready for a spurious interrupt only if no call of the task can come first, because the call would hide
+/// the interrupt.
 #[test]
 fn a_starting_or_busy_board_is_not_ready_for_interrupts() {
     let Some(mut horus) = boards::horus() else { return };
@@ -181,7 +183,7 @@ fn a_starting_or_busy_board_is_not_ready_for_interrupts() {
         assert!(!restarts_within(&mut horus, time));
         usize::from(horus.is_ready_for_interrupts())
     };
-    // Its initialisation masks them for longer than any task runs.
+    // The start masks interrupts for longer than any task runs. So it shows as several milliseconds in a row at which the board cannot take an interrupt.
     let started: Vec<usize> = (0..300).map(|_| ready_after(MS)).collect();
     assert!(started.windows(3).any(|of| of == [0, 0, 0]), "{started:?}");
     let mut seen = [0; 2];

@@ -43,7 +43,6 @@ fn symbol(image: &Path, begins: &str) -> (u32, u32) {
     (u32::try_from(found[0].address()).unwrap() & !1, u32::try_from(found[0].size()).unwrap())
 }
 
-/// Returns the address of the code that seals Link-Status and publishes an image.
 fn commit(image: &Path) -> u32 {
     symbol(image, "<dpr_fw::commit::Commit<3>>::publish::").0
 }
@@ -53,7 +52,6 @@ fn images(image: &Path) -> (u32, u32) {
     symbol(image, "dpr_fw::app::__rtic_internal_local_init_images")
 }
 
-/// The gdb server's end of a connection in memory.
 struct InMemory {
     from_client: Receiver<u8>,
     to_client: Sender<u8>,
@@ -92,7 +90,7 @@ struct Client {
 
 impl Client {
     fn send(&self, bytes: &[u8]) {
-        // After the server has ended, nothing takes further bytes.
+        // The server may have ended.
         for byte in bytes {
             let _ = self.to_stub.send(*byte);
         }
@@ -129,7 +127,6 @@ impl Client {
         self.reply()
     }
 
-    /// Sends the command `text`. Returns the reply, which is a little-endian word.
     fn word(&self, text: &str) -> u32 {
         u32::from_str_radix(&self.ask(text), 16).unwrap_or_else(|error| panic!("{text}: {error}")).swap_bytes()
     }
@@ -172,7 +169,6 @@ fn attended<R>(script: impl FnOnce(&Client) + Send, serve: impl FnOnce(InMemory,
     })
 }
 
-/// Runs the link with a debugger at `side`, which follows `script`.
 fn debugged(setup: &Setup, side: Side, script: impl FnOnce(&Client) + Send) -> Ended<Outcome> {
     attended(script, |connection, lost| serve(setup, side, connection, &mut (), lost).unwrap())
 }
@@ -199,7 +195,7 @@ fn a_debugging_session_leaves_the_run_unchanged_on_every_clock() {
             assert_eq!(gdb.word("m10000100,4"), 0x0005_2840, "FICR.INFO.PART");
             assert_eq!(gdb.ask("m60000000,4"), "E0e", "nothing is there");
             assert_eq!(gdb.ask("g").len(), 2 * (23 * 4 + 16 * 8 + 4));
-            // The breakpoint is set in RAM before the firmware copies the code there.
+            // The breakpoint is in RAM, to which the firmware has not copied its code yet.
             assert_eq!(gdb.ask(&format!("Z1,{commit:x},2")), "OK");
             for nth in 0..3 {
                 assert!(gdb.ask("c").contains("hwbreak"), "stop {nth}");
@@ -208,8 +204,7 @@ fn a_debugging_session_leaves_the_run_unchanged_on_every_clock() {
             assert!(gdb.monitor("time").contains(" ms of 200 ms"));
             assert!(gdb.monitor("pins").starts_with("high: "));
             assert!(gdb.monitor("pin P9.00").contains("no pin"));
-            // The single steps also go through interrupts, such as those at a transaction's end or for the front end's
-            // FIFO.
+            // Single steps also enter interrupts.
             let mut distinct = std::collections::BTreeSet::new();
             for _ in 0..3000 {
                 assert_eq!(&gdb.ask("s")[1..3], "05");
@@ -221,7 +216,7 @@ fn a_debugging_session_leaves_the_run_unchanged_on_every_clock() {
                 assert_eq!(gdb.ask(&format!("m{address},40")).len(), 0x80, "{address}");
             }
             (0..40).for_each(|number| assert!(gdb.ask(&format!("p{number:x}")).len() >= 8));
-            // A watchpoint over the images halts the core three times: at a store, at any access, and at a load.
+            // The watchpoint over the images is for stores, then for any access, then for loads.
             assert_eq!(gdb.ask(&format!("z1,{commit:x},2")), "OK");
             let watched = format!("{images:x},{size:x}");
             for (kind, name) in [(2, "watch:"), (4, "awatch:"), (3, "rwatch:")] {
@@ -240,7 +235,7 @@ fn a_debugging_session_leaves_the_run_unchanged_on_every_clock() {
             assert_eq!(&gdb.reply()[1..3], "02");
             assert_eq!(gdb.ask(&format!("Z0,{commit:x},2")), "OK");
             assert!(gdb.ask("c").contains("swbreak"));
-            // The debugger detaches and leaves a breakpoint behind, which must not halt the rest of the run.
+            // The debugger leaves a breakpoint behind, which must not halt the board any more.
             assert_eq!(gdb.ask("D"), "OK");
         }));
         assert!(all_of(&with) == all_of(&without), "{clock} clock:\n{:#?}\n{:#?}", with.report, without.report);
@@ -316,8 +311,7 @@ fn kill_ends_the_run_and_a_lost_connection_does_not() {
     assert_eq!(lost.len(), 1, "{lost:?}");
 }
 
-/// Calls `run` with a run of the DPR's firmware alone. FRESH is recorded, and the test drives pins in place of the
-/// front end.
+/// Calls `run` with the DPR's firmware on a board alone. The test drives pins in place of the front end.
 fn dpr_alone(clock: Clock, run: impl FnOnce(&dyn Fn() -> Box<dyn AnyRun>, &Path)) {
     let Some(path) = image(3, "dpr-fw.elf") else { return };
     let firmware = Firmware::read(&path).unwrap();

@@ -36,10 +36,10 @@ const IWDGRSTF: u32 = 1 << 29;
 /// The nRF52840's watchdog, PS 6.36.
 const WDT: u32 = 0x4001_0000;
 
-/// Returns a board that counts the updates of TIM2, every 10 ms, and sleeps in between. Its watchdog takes 100 ms.
+/// Returns a board that counts the updates of TIM2 every 10 ms, and has a watchdog of 100 ms.
 fn counting() -> Node<Player> {
     let mut main = Thumb::at(MAIN);
-    // The watchdog counts to 800, in steps of four periods of its 32 kHz clock.
+    // The watchdog counts 800 steps of four periods of 32 kHz.
     main.store(IWDG, 0xCCCC).store(IWDG, 0x5555).store(IWDG + 8, 800 - 1).store(IWDG + 4, 0);
     main.tim2_every(160_000).idle();
     let mut tick = Thumb::at(HANDLER);
@@ -144,8 +144,8 @@ fn pass<B: Powered, C: Cost>(node: &mut Node<B, C>, to: u64) {
     }
 }
 
-/// Makes a copy of `node`, which has just been reset, hang after `after` ns. Returns the copy after the watchdog's
-/// reset; `None` if that does not come within 0.6 s.
+/// Makes a copy of `node` hang `after` ns from now. Returns the copy after the watchdog's reset; `None` if none comes
+/// within 0.6 s.
 fn hung_after<B: Powered, C: Cost>(node: &Node<B, C>, after: u64) -> Option<Node<B, C>>
 where
     Node<B, C>: Clone,
@@ -163,7 +163,7 @@ where
     None
 }
 
-/// Returns the earliest time after a reset, ns, to 100 ns, from which on the watchdog ends a hang.
+/// Before a certain time after a reset, the watchdog does not end a hang. Returns this time, ns, exact to 100 ns.
 fn watched_from<B: Powered, C: Cost>(mut node: Node<B, C>) -> u64
 where
     Node<B, C>: Clone,
@@ -196,8 +196,7 @@ fn both_watchdogs_run_two_microseconds_after_a_reset_on_every_clock() {
     assert!(clocks.into_iter().flatten().all(|from| from <= 1_500), "{clocks:?}");
 }
 
-/// Instants of a hang after a reset, ns. At the first instant both boards' watchdogs run; at the others the boards are
-/// still starting.
+/// Instants of a hang after a reset, ns. Both watchdogs run by then, and at the later instants the boards still start.
 const IN_START: [u64; 3] = [WATCHDOG_STARTS, 300 * US, 2_900 * US];
 
 #[test]
@@ -256,7 +255,7 @@ fn the_link_recovers_from_any_hang_within_15_cycles() {
     }
 }
 
-/// Returns the longest time, ns, from the death of a task to the board's restart, while transactions end regularly.
+/// Returns the longest time, ns, from the death of a task to the restart of its board.
 const fn bitten_within(board: Board) -> u64 {
     bounds::CHECKED_IN[Board::Horus as usize]
         + match board {
@@ -343,8 +342,7 @@ fn link_status_says_that_the_watchdog_has_restarted_a_dpr_that_hung() {
     assert_eq!(said.and_then(|link| link.status.reset_reason()), Some(ResetReason::Watchdog));
 }
 
-/// Returns HORUS's objects in order of time: the instant (ns), whether GPS3 is excluded, and Reported-Position's
-/// status.
+/// Returns for each profile of HORUS its instant (ns), whether GPS3 is excluded, and the status of Reported-Position.
 fn sent(log: &bench_judge::Log) -> Vec<(u64, bool, ReportedStatus)> {
     let of = |payload: &[u8]| {
         let [reported, gps3] = [0, 3].map(|object| Profile::<3>::place(object).and_then(|place| payload.get(place)));
@@ -377,7 +375,8 @@ fn a_receiver_excluded_before_the_watchdog_bites_is_still_excluded_after_it() {
     let (_, excluded, before) = sent[restarted - 1];
     assert!(excluded && before.state() == Some(HorusState::Monitoring), "{before:?}");
     assert_eq!(before.reset_reason(), Some(ResetReason::PowerOn));
-    // No receiver has sent a message since the restart. HORUS must therefore have kept the exclusion over it.
+    // No receiver has sent a message since the restart. So the exclusion is from before the restart, and HORUS has kept
+    // it.
     let (_, excluded, after) = sent[restarted];
     assert!(excluded && !after.position_valid(), "{after:?}");
     assert_eq!((after.state(), after.reset_reason()), (Some(HorusState::Starting), Some(ResetReason::Watchdog)));
@@ -402,8 +401,8 @@ fn after_its_supply_was_off_horus_excludes_nobody_until_it_votes() {
     assert!(sent.last().is_some_and(|(_, excluded, _)| *excluded), "it is outvoted again");
 }
 
-/// Returns the seed of a sag to between 1.4 V and 1.6 V. RAM keeps its contents above 1.4 V, and power-on is reported
-/// below 1.6 V.
+/// Returns the seed of a sag to a voltage at which RAM keeps its contents (1.4 V), but the board reports a power-on
+/// (below 1.6 V).
 fn forgetful_sag() -> u64 {
     let forgets = |shape: &u64| {
         let volts: Vec<u32> = power::shape(*shape).into_iter().map(|(_, volts)| volts).collect();
@@ -474,14 +473,13 @@ fn a_board_that_hangs_is_also_restarted_by_its_pin_or_supply() {
     }
 }
 
-/// Each board's watchdog ends every hang that begins [`WATCHDOG_STARTS`] after a start or later.
 #[test]
 fn so_long_after_its_start_each_boards_watchdog_runs() {
     for clock in CLOCKS {
         for board in BOARDS {
             let at = BEGINS + WATCHDOG_STARTS;
             let faults = hang(Faults::none().with(BEGINS, BEGINS, Fault::Power(board, PowerFault::Pin)), at, board);
-            // HORUS's watchdog was not fed yet, so it takes 0.5 s to reset the board.
+            // HORUS's watchdog takes about 0.5 s if HORUS hangs before the first feed.
             let Some(setup) = setup(faults, at + 500 * MS + AFTER) else { return };
             let report = outcome(&Setup { clock, ..setup }).report;
             assert_eq!(report.violations, [""; 0], "{board:?} on the {clock} clock");

@@ -1,4 +1,4 @@
-//! Tests the link with an active hold beside the DPR: three boards, of which the first never hears the others.
+//! Tests the link with an active hold beside the DPR.
 
 use crate::boards;
 
@@ -16,7 +16,6 @@ use emulator_node::Threads;
 
 const MS: u64 = 1_000_000;
 
-/// The setup of a link with a hold; `None` if the firmwares were not built.
 fn setup(gps: usize, duration: u64) -> Option<Setup> {
     let images = Images { horus: image(gps, "horus-tx-fw.elf")?, dpr: image(gps, "dpr-fw-hold.elf")? };
     Some(Setup { hold: Some(hold_image()?), writes: true, ..Setup::new(images, gps, duration) })
@@ -70,7 +69,7 @@ fn a_copied_bench_with_a_hold_runs_on_like_the_original() {
     let whole = run::<Fast>(&setup, Threads::Two);
     let mut bench = Bench::<Fast>::new(&setup).unwrap();
     bench.keep_log();
-    // At these instants the hold starts, sends a frame, is answered, and waits.
+    // The hold starts, sends a frame, receives an answer, and waits.
     for instant in [30 * MS, 241 * MS, 243 * MS + 777, 380 * MS] {
         bench.run_to(instant, Threads::One);
         let mut copy = bench.clone();
@@ -80,7 +79,8 @@ fn a_copied_bench_with_a_hold_runs_on_like_the_original() {
     }
 }
 
-/// What a hold may not change of HORUS's link: sample to readable, last bit to readable, ready, all at worst, ns.
+/// Returns figures of HORUS's link that a hold may not change, ns: the worst times from sample to readable, from last
+/// bit to readable, and until ready.
 fn of_horus(report: &Report) -> [u64; 3] {
     let (latency, ready) = (report.latency_ns, report.ssi.ready_ns);
     let (readable, last_bit) = (latency.sample_to_readable, latency.last_bit_to_readable);
@@ -101,7 +101,7 @@ fn no_fault_of_the_hold_moves_a_figure_of_horus() {
     let mut seen: Vec<String> = vec![];
     for fault in std::iter::once(None).chain(drawn.episodes().iter().map(|episode| Some(episode.fault.clone()))) {
         let name = fault.as_ref().map_or(String::new(), Fault::name);
-        // A frame of the hold at HORUS's antenna may cost a frame of HORUS's.
+        // With crosstalk a frame of the hold may cost a frame of HORUS.
         if fault == Some(Fault::Hold(HoldFault::Crosstalk)) || seen.contains(&name) {
             continue;
         }
@@ -109,7 +109,8 @@ fn no_fault_of_the_hold_moves_a_figure_of_horus() {
         let finished = run::<Fast>(&Setup { faults, ..quiet.clone() }, Threads::Two);
         assert_eq!(words(&finished), [""; 0], "{name}");
         let found = of_horus(&finished.report);
-        // The DPR without a hold is another image, in which the same code may be compiled to a few cycles more.
+        // The DPR's firmware without a hold is another program, and the compiler may give the same code a few cycles
+        // more.
         if found.iter().zip(expected).any(|(found, expected)| found.saturating_sub(expected) * 100 > expected) {
             moved.push((name.clone(), found));
         }
@@ -119,12 +120,11 @@ fn no_fault_of_the_hold_moves_a_figure_of_horus() {
     assert_eq!(moved, [], "{expected:?} without a hold");
 }
 
-/// Objects of HORUS that the DPR accepted and rejected.
 fn objects(finished: &Finished) -> (u64, u64) {
     (finished.report.dpr.objects_accepted, finished.report.dpr.objects_rejected)
 }
 
-/// A short form of `cargo xtask sim --hold --faults hostile --seconds 1030`, with each kind of hostile hold.
+/// A short form of `cargo xtask sim --hold --faults hostile --seconds 1030`.
 #[test]
 fn a_hostile_hold_costs_horus_no_object_and_adds_none() {
     for gps in [1, 3] {
@@ -139,7 +139,7 @@ fn a_hostile_hold_costs_horus_no_object_and_adds_none() {
     }
 }
 
-/// The offset of the counter `rests` in the DPR's telemetry of the port.
+/// The offset of the counter `rests` in the telemetry of the DPR's second port.
 const RESTS: usize = 4 * 8;
 
 #[test]
@@ -153,11 +153,11 @@ fn the_ports_tasks_check_in_while_the_port_rests() {
     let rests = boards::counter(bench.dpr(), "DPR_HOLD_TELEMETRY", RESTS);
     eprintln!("the port rests {rests} times in 34 periods");
     assert!((20..=35).contains(&rests), "{rests}");
-    // A task that does not check in for 100 ms makes the watchdog bite.
+    // The watchdog bites if a task does not check in for 100 ms. It has not bitten.
     assert_eq!(bench.dpr().resets(), []);
 }
 
-/// The seed of a sag that takes the supply at once below the DPR's warning and not below its brown-out threshold.
+/// Returns the seed of a sag that begins with a voltage between the DPR's warning and its brown-out threshold.
 fn sag_at_once() -> u64 {
     let is_one = |seed: &u64| {
         let sag = 1_700_000..2_500_000;
@@ -184,7 +184,8 @@ fn a_dpr_in_its_safe_state_sends_the_hold_no_answer() {
     };
     assert_eq!(answers(&quiet), 1);
     let seed = sag_at_once();
-    // The answer's first bytes are loaded after 0.3 ms, and a timer starts it after 2.0 ms.
+    // The firmware loads the answer 0.3 ms after the frame, and a timer starts it at 2.0 ms. The supply falls before,
+    // between and just before these instants.
     for after in [100, 400, 1_000, 1_950].map(|after| heard + after * 1_000) {
         let sag = Fault::Power(Board::Dpr, PowerFault::Sag(seed));
         setup.faults = Faults::none().with(after, after + sag_length(seed), sag);
@@ -194,7 +195,7 @@ fn a_dpr_in_its_safe_state_sends_the_hold_no_answer() {
     }
 }
 
-/// A hold that sends HORUS's own frames over and over, in the place of its own.
+/// A hostile sender repeats frames of HORUS in place of the hold's frames.
 const REPLAYS: Fault = Fault::Hold(HoldFault::Hostile(Hostile::Horus, 1));
 
 #[test]

@@ -1,4 +1,4 @@
-//! Tests the outputs of the hold's board alone, without a DPR: what becomes of heater and lock in its safe state.
+//! Tests that heater and lock of a hold go to their safe levels when the hold stops.
 
 use crate::boards;
 
@@ -11,10 +11,10 @@ use firmware_common::patrol::SLICE_US;
 
 const US: u64 = 1_000;
 const MS: u64 = 1_000_000;
-/// The step in which the pins are looked at, ns: a PWM period is 1 ms.
+/// The interval at which the pins are read, ns; a PWM period is 1 ms.
 const STEP: u64 = 20 * US;
-/// The longest time until the idle loop finds a changed guard word, ns: two slices, and 12 ms in which the task of the
-/// sensors waits for their bus.
+/// The longest time until the idle loop finds a changed guard word, ns: two slices, and 12 ms for a task that waits for
+/// the sensors.
 const FOUND: u64 = 2 * SLICE_US as u64 * US + 12 * MS;
 
 fn run(node: &mut Node<Hold>, to: u64) {
@@ -24,7 +24,7 @@ fn run(node: &mut Node<Hold>, to: u64) {
     }
 }
 
-/// Runs to `to` (ns) and returns how often the heater was found on.
+/// Runs to `to` (ns) and returns at how many instants the heater was on.
 fn heats(node: &mut Node<Hold>, to: u64) -> u32 {
     let mut found = 0;
     while node.now() < to {
@@ -35,7 +35,6 @@ fn heats(node: &mut Node<Hold>, to: u64) -> u32 {
     found
 }
 
-/// The hold while it heats with its whole power; `None` if the firmware was not built.
 fn heating() -> Option<Node<Hold>> {
     let is_cold = |seed: &u64| Payload::new(*seed).climate.air(0).temperature < 5.0;
     let mut node = boards::hold((0..).find(is_cold).expect("boxes begin at -7 to 41 °C"))?;
@@ -47,8 +46,8 @@ fn heating() -> Option<Node<Hold>> {
     Some(node)
 }
 
-/// Demands that nothing is heated from `from` (ns) until the watchdog has restarted the hold and it has started again,
-/// that the lock stays locked all the time, and that the next start names `cause`.
+/// Asserts that the heater is off from `from` (ns) until the hold has restarted, that the lock stays locked, and that
+/// the next start reports `cause`.
 fn is_safe(node: &mut Node<Hold>, from: u64, cause: Cause) {
     let starts = node.resets().len();
     run(node, from);
@@ -74,7 +73,7 @@ fn a_falling_supply_switches_the_heater_off_within_a_millisecond() {
         node.supply(2_564_999, 0);
         run(&mut node, falls + MS);
         assert_eq!(heats(&mut node, falls + 10 * MS), 0, "phase {phase}");
-        // The supply must be back, because a hold does not start below 2.7 V.
+        // A hold does not start below 2.7 V.
         node.supply(3_000_000, 0);
         is_safe(&mut node, falls + 10 * MS, Cause::Supply);
     }

@@ -48,7 +48,7 @@ impl Counts {
     }
 }
 
-/// HORUS with three receivers that send a position of 100 bytes every 20 ms. Faults affect the first one's line.
+/// A HORUS whose three receivers send 100 bytes every 20 ms, the first one with faults.
 #[derive(Clone)]
 struct Fed {
     node: Node<Horus>,
@@ -105,11 +105,11 @@ impl Fed {
     }
 }
 
-/// The number of bytes that HORUS counts in 200 ms of a line without a pause: 46 080 bytes a second, less those in half
-/// of the DMA's ring.
+/// The number of bytes that HORUS counts on a busy line in 200 ms: 46 080 bytes a second, less those in half of the
+/// DMA's ring.
 const WITHOUT_A_PAUSE: std::ops::RangeInclusive<u32> = 8_900..=9_500;
 
-/// A check of HORUS's counters over 200 ms with a fault, in which a healthy receiver sends ten positions of 100 bytes.
+/// A check of HORUS's counters for the faulty line after 200 ms. A healthy receiver sends ten messages in this time.
 type Arrived = fn(Counts) -> bool;
 
 const LINES: [(ReceiverFault, Arrived); 14] = [
@@ -119,7 +119,7 @@ const LINES: [(ReceiverFault, Arrived); 14] = [
     (ReceiverFault::Unasked, |seen| WITHOUT_A_PAUSE.contains(&seen.bytes) && seen.errors == 0 && seen.damaged == 0),
     (ReceiverFault::Frozen, |seen| seen.messages == 10 && seen.damaged == 0),
     (ReceiverFault::WrongBaud(38_400), |seen| seen.messages == 0 && seen.errors > 100),
-    // A break is received as one character, whose stop bit is missing.
+    // HORUS receives a break as one character without a stop bit.
     (ReceiverFault::Break, |seen| seen.messages == 0 && (1..=2).contains(&seen.errors) && seen.bytes <= 2),
     (ReceiverFault::Noise, |seen| seen.messages < 8 && seen.damaged > 0 && (1..=6).contains(&seen.errors)),
     (ReceiverFault::FramingErrors, |seen| (30..=100).contains(&seen.errors)),
@@ -142,7 +142,7 @@ fn every_receiver_fault_affects_its_own_receiver_alone_and_ends() {
         fed.faults.begin(105 * MS, 305 * MS, 0, fault);
         let [first, others @ ..] = fed.counts_to(305 * MS);
         fed.faults.end(0, fault);
-        // The bytes that a fault has delayed arrive when it ends. They are not counted: counting begins 100 ms later.
+        // The counting begins 100 ms after the fault, when all delayed bytes have arrived.
         fed.run_to(405 * MS);
         let after = fed.counts_to(605 * MS);
         if !arrived(first) || others != [ten; 2] || after != [ten; 3] {
@@ -169,18 +169,16 @@ fn frames(events: &[AirEvent]) -> usize {
     events.iter().filter(|event| matches!(event, AirEvent::FrameStart(_))).count()
 }
 
-/// The time that HORUS needs to start and to send four frames, ns.
 const STARTS: u64 = RAM_TEST + 55 * MS;
 
-/// Runs HORUS from its start into the first millisecond of a frame. A frame takes nearly five milliseconds.
+/// Runs HORUS until a frame is on the air.
 fn into_a_frame(node: &mut Node<Horus>) {
     assert!(frames(&emitted(node, STARTS)) >= 4);
     assert!((0..10).any(|_| frames(&emitted(node, MS)) > 0), "a frame in each cycle");
 }
 
-/// Returns whether the frame on the air breaks off with the field and nothing follows.
 fn breaks_off(events: &[AirEvent]) -> bool {
-    // A whole frame of three receivers has 247 bytes, which are 1976 bits.
+    // A whole frame of three receivers has 1976 bits.
     matches!(events, [AirEvent::FrameEnd { bits: 0..1_976 }, AirEvent::FieldOff])
 }
 
@@ -239,7 +237,7 @@ fn a_pin_reset_and_a_brown_out_keep_ram_and_field() {
     for (fault, cause) in [(PowerFault::Pin, Reset::Pin), (PowerFault::BrownOut, Reset::BrownOut)] {
         let Some(mut node) = boards::horus() else { return };
         emitted(&mut node, 55 * MS);
-        // The firmware has nothing at 0x2000_0010, which is below the stack in use.
+        // The firmware does not use this address below its stack.
         node.write(0x2000_0010, b"kept").unwrap();
         fault.begin(&mut node);
         assert_eq!(causes(&node), [cause]);
@@ -261,7 +259,6 @@ fn horus_finds_its_front_end_again_after_that_was_without_supply() {
     let without = emitted(&mut node, 100 * MS);
     assert!(breaks_off(&without), "{without:?}");
     PowerFault::FrontEndOff.end(&mut node);
-    // A firmware that has lost its front end keeps trying to bring it up.
     assert!(frames(&emitted(&mut node, 500 * MS)) >= 10);
     assert_eq!(node.resets().len(), 0);
     assert!(counter(&node, "HORUS_TELEMETRY", std::mem::offset_of!(Telemetry, rf_faults)) > 0);
@@ -306,7 +303,7 @@ fn a_symbol_that_the_image_lacks_is_refused_by_its_name() {
 #[test]
 fn only_a_sealed_patch_passes_the_firmwares_check_of_its_flash() {
     let Some(node) = boards::horus() else { return };
-    // The vector of the window watchdog is part of the program, but the processor never fetches it.
+    // The patch changes the vector of the window watchdog, which the processor never fetches.
     let patch = |sealed| ImageFault::Patch { address: 0x0800_0040, bytes: vec![0xAA; 4], sealed };
     let mut sealed = node.clone();
     let repair = patch(true).apply(&mut sealed).unwrap();

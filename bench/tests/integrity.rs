@@ -25,7 +25,7 @@ fn run<B: Board>(node: &mut Node<B>, ns: u64) {
     }
 }
 
-/// Runs in steps of `step` ns until `done` returns true, for at most `within` ns. Returns the elapsed time, ns.
+/// Runs in steps of `step` ns until `done` returns true, for at most `within` ns. Returns the time that has passed, ns.
 fn until<B: Board>(node: &mut Node<B>, step: u64, within: u64, mut done: impl FnMut(&mut Node<B>) -> bool) -> u64 {
     let from = node.now();
     while node.now() < from + within {
@@ -46,7 +46,7 @@ fn dpr_counter(node: &Node<Dpr>, name: &str) -> u32 {
     boards::counter(node, "DPR_TELEMETRY", 4 * place)
 }
 
-/// Reads the status bits of Link-Status. If one transaction finds the DPR busy, the next one does not.
+/// Reads the status bits of Link-Status, with a second transaction if the DPR is busy in the first.
 fn link(node: &mut Node<Dpr>) -> profile::LinkStatusBits {
     let read = (0..2).find_map(|_| {
         let read = transact(node, LinkStatus::SIZE, 0);
@@ -59,7 +59,7 @@ fn last_stop<B: Board>(node: &mut Node<B>) -> String {
     node.take_log().iter().map(ToString::to_string).find(|line| line.contains("the last stop: ")).unwrap_or_default()
 }
 
-/// Returns the address of the image that is readable now, which is found by its unique Link-Status.
+/// Returns the address of the readable image, which its Link-Status identifies.
 fn shown(node: &mut Node<Dpr>) -> u32 {
     let read = transact(node, LinkStatus::SIZE, 0);
     let start = address(node, "__sbss");
@@ -69,7 +69,7 @@ fn shown(node: &mut Node<Dpr>) -> u32 {
     start + u32::try_from(found).unwrap()
 }
 
-/// Sends the frames of the cycles `from..to`. The first begins now, and each further one 10 ms later.
+/// Sends a frame of each of these cycles, one every 10 ms from now on.
 fn cycles(node: &mut Node<Dpr>, from: u32, to: u32) {
     let begin = node.now();
     for cycle in from..to {
@@ -90,8 +90,7 @@ fn a_bit_that_flips_in_the_shown_image_withdraws_it_in_time() {
         assert_eq!(view(&mut node).valid.len(), 4, "byte {byte}");
         let faults = dpr_counter(&node, "image_faults");
         assert_eq!(faults, 0);
-        // The image with the flipped bit stays readable until the deadline of the next frame, 12.5 ms after the last
-        // frame's end.
+        // The image stays readable until the next deadline, 12.5 ms after the last frame's end.
         let address = shown(&mut node) + byte;
         Upset::Ram { address, bit }.apply(&mut node).unwrap();
         let (mut silent, began) = (false, node.now());
@@ -123,7 +122,7 @@ fn a_bit_that_flips_in_the_dprs_flash_withholds_all_objects() {
     let Some(mut node) = boards::dpr() else { return };
     field_on(&mut node);
     run(&mut node, 40 * MS);
-    // The flipped bit is in an unused vector of the vector table, where the memory protection unit permits no access.
+    // The first address is in an unused vector, which the memory protection does not let the processor read.
     let table = Upset::Flash { address: 0xFC, bit: 2 };
     let last = Upset::Flash { address: address(&node, "__program_crc") - 4, bit: 30 };
     let within = u64::from(dpr::FLASH_DETECT_US) * US;
@@ -151,14 +150,13 @@ fn a_flipped_bit_of_code_or_a_guard_word_stops_the_dpr() {
         let Some(mut node) = boards::dpr() else { return };
         run(&mut node, 40 * MS);
         let (cause, within, at) = match symbol {
-            // The word before `__ehot`, the end of the code in RAM, is in a table of the CRC. The firmware runs even if
-            // the word is damaged.
+            // The last word of the code in RAM is part of a CRC table, so the firmware still runs with the flipped bit.
             "__ehot" => (Cause::CodeInRam, dpr::CODE_DETECT_US, address(&node, symbol) - 4),
             _ => (Cause::GuardWord, 2 * firmware_common::patrol::SLICE_US + 12_500, address(&node, symbol)),
         };
         Upset::Ram { address: at, bit: 4 }.apply(&mut node).unwrap();
         let silent = |node: &mut Node<Dpr>| transact(node, 8, 0).iter().all(|byte| *byte == 0xFF);
-        // One transaction may find a DPR busy that is not in its safe state, so two must read 0xFF.
+        // A busy DPR may answer one transaction with 0xFF, but not two.
         let took = until(&mut node, MS, u64::from(within) * US, |node| silent(node) && silent(node));
         eprintln!("{symbol}: silent after {} us", took / US);
         let restarts = node.now() + 200 * MS;
@@ -189,7 +187,6 @@ fn a_stuck_bit_of_the_dprs_ram_is_shown_in_time() {
     let took = until(&mut node, 50 * MS, within, |node| link(node).ram_fault());
     eprintln!("the DPR's RAM: shown after {} ms", took / MS);
     assert!(dpr_counter(&node, "ram_errors") >= 1);
-    // After the next start, each image from the first one on must report a stuck bit.
     for sticks in [true, false] {
         if !sticks {
             node.input(|part, _, _| part.stick(None));
@@ -201,7 +198,7 @@ fn a_stuck_bit_of_the_dprs_ram_is_shown_in_time() {
     }
 }
 
-/// Runs the board until its start has tested the memory. Returns the time since power-on, µs.
+/// Runs the board to the end of its memory test. Returns the time since power-on, µs.
 fn tested_us<B: Board, C: Cost>(node: &mut Node<B, C>) -> u64 {
     let result = node.address_of("MEMORY_TEST").unwrap();
     while node.word(result) != Some(start_test::TESTED) {
@@ -267,7 +264,6 @@ fn a_stuck_bit_of_horuss_ram_switches_the_field_off_for_good() {
     stick(&mut node);
     let took = field_off(&mut node, u64::from(horus::RAM_DETECT_US) * US).expect("the field goes off in time");
     eprintln!("HORUS's RAM: field off after {} ms", took / MS);
-    // At each start HORUS finds the stuck bit and reports it before it switches the field on.
     node.take_log();
     let air = run_horus(&mut node, 1_000 * MS);
     assert!(!air.iter().any(|(_, event)| matches!(event, AirEvent::FieldOn)));

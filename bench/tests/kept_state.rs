@@ -1,4 +1,4 @@
-//! Tests that HORUS stops when a bit flips in what it keeps from one task to the next, before the flip misleads.
+//! Tests that HORUS stops before it sends wrong values if a bit flips in data that it keeps between two tasks.
 
 use crate::boards;
 
@@ -12,19 +12,18 @@ use firmware_common::last_stop::Cause;
 use horus_tx_fw::telemetry::Telemetry;
 
 const MS: u64 = 1_000_000;
-/// The instant of the flip, ns: both boards have started, and the link is up.
+/// The instant of the flip, ns, at which the link is up.
 const FLIPS: u64 = 603 * MS;
-/// The longest time until a receiver that sends ten times a second sends again, ns.
 const SENDS: u64 = 100 * MS;
 
-/// What is kept, and how long its flip may take until it is found, ns.
+/// The kept variables, each with the longest time until HORUS finds the flip, ns.
 const KEPT: [(&str, u64); 3] = [
     ("__rtic_internal_shared_resource_solutions", 10 * MS),
     ("__rtic_internal_shared_resource_cycle", 10 * MS),
     ("__rtic_internal_local_resource_receivers", SENDS),
 ];
 
-/// How many places of each variable are flipped, at the same distance from each other.
+/// The number of flipped addresses in each variable.
 const PLACES: u32 = 5;
 
 // Shows SAFE-17.

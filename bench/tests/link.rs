@@ -17,7 +17,7 @@ use profile::sequence::SEARCH_CYCLES;
 
 const MS: u64 = 1_000_000;
 
-/// The number of cycles that the DPR needs to find the sequence. It rejects their objects.
+/// The number of cycles whose objects the DPR rejects because it searches for the sequence.
 const SEARCHED: u64 = SEARCH_CYCLES as u64;
 
 fn setup(gps: usize, milliseconds: u64) -> Option<Setup> {
@@ -37,11 +37,9 @@ fn with_any_number_of_receivers_every_object_arrives_in_time() {
         assert_eq!(report.violations, [""; 0], "{gps} receivers");
         let frames_per_cycle = if gps == 5 { 2 } else { 1 };
         let cycles = report.air.frames_delivered / frames_per_cycle;
-        // The first tick comes 10 ms after the RAM's test (12 ms) and the board's start (8 to 9 ms). The 79th comes at
-        // 810 to 811 ms.
+        // The first tick comes after the RAM's test (12 ms), the start (8 to 9 ms) and 10 ms.
         assert_eq!(cycles, 79, "{gps} receivers");
         assert_eq!(report.horus.frames_sent, report.air.frames_delivered);
-        // The DPR rejects only the objects of the cycles that find the sequence.
         let objects = gps as u64 + 1;
         assert_eq!(report.dpr.objects_rejected, SEARCHED * objects);
         assert_eq!(report.dpr.objects_accepted, (cycles - SEARCHED) * objects);
@@ -57,7 +55,7 @@ fn with_any_number_of_receivers_every_object_arrives_in_time() {
         assert!(report.latency_ns.last_bit_to_readable.unwrap().max <= 100_000);
         if gps == 3 {
             assert_eq!(report.air.bit_rate, 424_000);
-            // A frame has 2040 bits of 32 / 13.56 MHz each, on a crystal that is fast by 8 ppm.
+            // A frame has 2040 bits of 32 / 13.56 MHz each. The front end's crystal is fast by 8 ppm.
             assert!(report.air.air_time_ns.abs_diff(4_814_159 - 39) <= 2, "{}", report.air.air_time_ns);
             assert!(report.latency_ns.sample_to_readable.unwrap().p999 <= 5_500_000);
         }
@@ -116,8 +114,7 @@ fn every_wire_of_the_trace_moves_and_no_instant_comes_before_another() {
         assert!(falls.len() >= 5, "{board}: {falls:?}");
         assert!(falls.iter().all(|after| (29..=33).contains(after)), "{board}: {falls:?}");
     }
-    // Three signals never change: this flight controller keeps MOSI low, and on either board every exception belongs to
-    // a task.
+    // The flight controller keeps MOSI low, and each exception belongs to a task. So these three signals do not change.
     let still = ["dpr.tasks.dpr_other", "horus.tasks.horus_other", "ssi.ssi_mosi"];
     let unmoved: Vec<&str> = waves.iter().filter(|(_, changes)| changes.len() < 2).map(|(name, _)| &**name).collect();
     assert_eq!(unmoved, still);
@@ -135,7 +132,7 @@ fn crystals_at_their_worst_against_each_other_change_nothing() {
     }
 }
 
-/// The crystal's error moves the 4 ms cycle of transactions through every phase of HORUS's cycle within 2 s.
+/// The crystal's error moves the transactions through all phases of HORUS's cycle within 2 s.
 #[test]
 fn a_flight_controller_that_reads_at_every_phase_delays_nothing() {
     let Some(mut setup) = setup(3, 2_200) else { return };
@@ -146,7 +143,7 @@ fn a_flight_controller_that_reads_at_every_phase_delays_nothing() {
         assert_eq!(report.dpr.objects_accepted, (report.air.frames_delivered - SEARCHED) * 4);
         assert_eq!(report.dpr.objects_rejected, SEARCHED * 4);
         assert_eq!(report.ssi.fresh, report.base.profiles);
-        // The DPR is busy during its memory test, and once more when it puts in an image.
+        // The DPR is busy in its memory test, and while it puts in an image.
         assert!(report.ssi.busy <= 5, "{:?}", report.ssi);
         assert!(report.ssi.ready_ns.unwrap().max <= 10_000, "{:?}", report.ssi);
         assert!(report.latency_ns.last_bit_to_readable.unwrap().max <= 100_000, "{:?}", report.latency_ns);
@@ -156,7 +153,7 @@ fn a_flight_controller_that_reads_at_every_phase_delays_nothing() {
 #[test]
 fn bit_errors_cost_the_objects_they_hit_and_nothing_invalid_is_shown() {
     let Some(mut setup) = setup(3, 600) else { return };
-    // A frame has 1952 bits of payload. About every third frame is damaged, mostly in one object.
+    // About one frame in three is damaged, mostly in one object.
     setup.faults = Faults::of_air(AirFaults { bit_error: 2e-4, ..AirFaults::default() });
     let report = outcome(&setup).report;
     assert!(report.air.frames_damaged >= 5, "{:?}", report.air);
@@ -172,14 +169,14 @@ fn bit_errors_cost_the_objects_they_hit_and_nothing_invalid_is_shown() {
 
 #[test]
 fn lost_frames_are_missed_counted_and_their_successors_arrive() {
-    // A frame lost just before the end of the run would not count as missed, so the run ends between two frames.
+    // The run ends between two frames, so a lost frame counts as missed.
     let Some(mut setup) = setup(3, 595) else { return };
     setup.faults = Faults::of_air(AirFaults { lost: 0.2, ..AirFaults::default() });
     let report = outcome(&setup).report;
     assert_eq!(report.violations, [""; 0]);
     assert!(report.air.frames_lost >= 3, "{:?}", report.air);
     assert_eq!(report.dpr.frames_missed, report.air.frames_lost, "{report:?}");
-    // With this seed none of the first four frames is lost, so the sequence is found as usual.
+    // None of the frames with which the DPR finds the sequence is lost.
     assert_eq!(report.dpr.objects_accepted, (report.air.frames_delivered - SEARCHED) * 4);
     assert_eq!(report.dpr.objects_rejected, SEARCHED * 4);
     assert_eq!(report.ssi.bad_crc, 0);
@@ -192,7 +189,7 @@ fn frames_that_break_off_leave_the_link_working() {
     let report = outcome(&setup).report;
     assert_eq!(report.violations, [""; 0]);
     assert!(report.air.frames_damaged >= 3, "{:?}", report.air);
-    // A frame that broke off has a wrong length, so it is rejected at once.
+    // The DPR rejects a broken frame by its length.
     assert_eq!(report.dpr.objects_accepted, (report.air.frames_delivered - SEARCHED) * 4, "{report:?}");
     assert_eq!(report.dpr.objects_rejected, SEARCHED * 4, "{report:?}");
     assert_eq!((report.ssi.bad_crc, report.base.bad_crc), (0, 0));
@@ -216,7 +213,7 @@ fn recording(name: &str) -> Option<PathBuf> {
     None
 }
 
-/// Plays `log` at every receiver. Asserts that the base station shows the positions in the log, bit by bit.
+/// Asserts that the base station shows the positions of the recorded `log` bit by bit, if every receiver sends it.
 fn shows_what_the_log_holds(mut setup: Setup, log: PathBuf, at_least: usize) {
     let held = Log::open(&log).unwrap();
     setup.recordings = vec![Some(log); 3];
@@ -224,7 +221,7 @@ fn shows_what_the_log_holds(mut setup: Setup, log: PathBuf, at_least: usize) {
     assert_eq!(outcome.report.violations, [""; 0]);
     let mut shown: Vec<[u64; 3]> = vec![];
     for entry in outcome.base.history() {
-        // HORUS brings Reported-Position forward to the tick, so only the GPS objects have the receivers' values.
+        // Only the GPS objects have the receivers' own values.
         for position in entry.gps.iter().flatten().filter(|position| position.valid) {
             let bits = [position.latitude, position.longitude, position.altitude].map(f64::to_bits);
             if !shown.contains(&bits) {
@@ -234,7 +231,6 @@ fn shows_what_the_log_holds(mut setup: Setup, log: PathBuf, at_least: usize) {
     }
     assert!(shown.len() >= at_least, "{} positions shown", shown.len());
     let mut held = held.positions().iter().map(|position| {
-        // The right value is the float64 that is nearest to the decimal number in the message.
         [
             f64::from(position.latitude_1e7) / 1e7,
             f64::from(position.longitude_1e7) / 1e7,
@@ -266,8 +262,8 @@ fn one_hertz(epochs: u32) -> Vec<u8> {
     (0..epochs).flat_map(|epoch| fix(epoch).encode()).collect()
 }
 
-/// A position is valid for one period of its receiver and 150 ms (1.15 s at 1 Hz). HORUS takes a message in its next
-/// cycle, and the flight controller reads the state after another cycle, the air time and its control cycle.
+/// A position is valid for its receiver's period and 150 ms (1.15 s at 1 Hz). HORUS's cycle, the air and the control
+/// cycle delay the change.
 #[test]
 fn reported_position_turns_invalid_in_time_if_all_receivers_fall_silent() {
     for gps in [1, 3] {
@@ -279,7 +275,7 @@ fn reported_position_turns_invalid_in_time_if_all_receivers_fall_silent() {
         std::fs::remove_file(path).unwrap();
         assert_eq!(report.violations, [""; 0]);
         let reported = &report.reported;
-        // The log's first burst begins 100 ms after reset, its last one 3 s later.
+        // The log's first burst begins 100 ms after reset, and its last one 3 s later.
         let last = reported.last_solution_ns[0].unwrap();
         assert!((3_100 * MS..3_105 * MS).contains(&last), "{reported:?}");
         assert!(reported.valid_cycles >= 300, "{reported:?}");

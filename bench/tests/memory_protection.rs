@@ -1,8 +1,8 @@
 //! Tests which accesses the memory protection units refuse, and how the log names the cause of the stop.
 //!
 //! A task of each release program is overwritten with a few forbidden instructions. The board must enter its safe state
-//! at once, its watchdog must restart it, and the next start must report the cause, in the log and as the code of
-//! `firmware_common::last_stop` in the telemetry.
+//! at once, and its watchdog must restart it. The next start must report the cause in the log and, as the code of
+//! `firmware_common::last_stop`, in the telemetry.
 
 use crate::{boards, reader};
 
@@ -15,10 +15,9 @@ use profile::LinkStatus;
 use reader::{MS, transact};
 use st25r3916_model::AirEvent;
 
-/// The longest time from a task's last check-in to the watchdog's reset, ns; see `faults.rs`.
 const BITE: u64 = 200 * MS;
 
-/// The longest period of the two tasks that are overwritten, ns: a cycle of HORUS, or the DPR's deadline of 12.5 ms.
+/// The longest period of the overwritten tasks, ns: the DPR's deadline of 12.5 ms, and a margin.
 const PERIOD: u64 = 15 * MS;
 
 /// Returns `MOVW` or `MOVT` of `value` to register `to`, encodings T3 and T1 (ARMv7-M ARM A7.7.76, A7.7.79).
@@ -35,12 +34,12 @@ enum Misdeed {
     Read(u32),
     Write(u32),
     Execute(u32),
-    /// The task pushes registers until its stack is full, and then continues.
+    /// The task fills its stack and then continues.
     Recurse,
 }
 
 impl Misdeed {
-    /// Returns the instructions of the action, and then a branch to itself. A task that is not stopped therefore hangs.
+    /// Returns the forbidden instructions, with a branch to itself at the end.
     fn code(self) -> Vec<u8> {
         const LDR_R1_R0: u16 = 0x6801;
         const STR_R1_R0: u16 = 0x6001;
@@ -142,7 +141,6 @@ fn the_dpr_stops_at_each_forbidden_access_and_reports_it_later() {
         restarted(&mut dpr, |_| {});
         dpr.take_log();
         run(&mut dpr, 50 * MS);
-        // If one transaction finds the DPR busy, the next one does not.
         let link = (0..2).find_map(|_| LinkStatus::verify(&transact(&mut dpr, LinkStatus::SIZE, 0)).ok().copied());
         let link = link.expect("Link-Status");
         assert!(link.status().unasked_reset(), "{row:x?}");
@@ -195,7 +193,7 @@ fn horus_stops_at_each_forbidden_access_and_reports_it_later() {
 fn after_a_restart_that_no_stop_explains_no_stop_is_told_of() {
     let Some(mut horus) = boards::horus() else { return };
     run_horus(&mut horus, 55 * MS);
-    // The task `parse` is no step of the cycle, so the steps go on in their order until the watchdog bites.
+    // `parse` is no step of the cycle, so the cycle goes on when `parse` hangs.
     let repair = ImageFault::Hung("CAN1_RX1".to_owned()).apply(&mut horus).unwrap();
     restarted(&mut horus, |node| drop(node.board_mut(|board| board.front_end.take_air())));
     repair.mend(&mut horus).unwrap();

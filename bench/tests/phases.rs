@@ -1,8 +1,8 @@
-//! Places the flight controller's transactions in every phase relative to a frame's end, in steps of 100 ns, because an
-//! ordinary control cycle reaches some coincidences once in minutes.
+//! Places the flight controller's transactions in every phase relative to a frame's end, in steps of 100 ns. With an
+//! ordinary control cycle, minutes may pass before some of these coincidences occur.
 //!
-//! Each phase around a publication has two patterns of transactions. In the first, the transaction of a whole image
-//! ends at the phase, and 96 bytes are read right after it. In the second, 96 bytes are read at the phase, after a long
+//! The transactions around a publication have two patterns. In the first, a transaction of the whole image ends at the
+//! phase, and one of 96 bytes follows at once. In the second, a transaction of 96 bytes begins at the phase after a
 //! silence.
 //!
 //! The boards' crystals are wrong by 200 ppm in opposite directions, and each phase is counted from its own frame.
@@ -18,13 +18,13 @@ use profile::ssi::timing;
 
 const US: i64 = 1_000;
 
-/// The first phase, ns from a frame's last bit. After that bit, the publication comes at 60 to 100 µs, and the scrub at
+/// The first phase, ns after a frame's last bit. The publication comes at 60 to 100 µs, and the scrub of the buffer at
 /// 240 µs.
 const FIRST: i64 = -60 * US;
 const LAST: i64 = 240 * US;
 
-/// The last phase with one or five receivers, ns from a frame's last bit. It covers only the publication: the scrub
-/// after it does not depend on the number of receivers.
+/// The last phase in runs with one or five receivers, ns after a frame's last bit. These runs leave out the later
+/// scrub, because it is the same with any number of receivers.
 const LAST_OF_PUBLICATION: i64 = 120 * US;
 
 /// The time between two transactions, ns, which is 1 µs longer than the DPR needs to be ready.
@@ -34,11 +34,11 @@ fn falls(after_ns: i64, bytes: usize) -> Placement {
     Placement { edge: Edge::Falls, after_ns, bytes: Some(bytes) }
 }
 
-/// Runs the transactions of `sweep`, and prints the longest times. Asserts that no coincidence leads to a violation.
+/// Runs a sweep, prints its longest times, and asserts that there is no violation.
 fn holds(gps: usize, sweep: Sweep, clock: Clock, (horus_ppb, dpr_ppb): (i64, i64)) {
     let (Some(horus), Some(dpr)) = (image(gps, "horus-tx-fw.elf"), image(gps, "dpr-fw.elf")) else { return };
     let cycles = sweep.cycles();
-    // The sweep begins with the second frame, which on a slower clock comes up to four cycles later.
+    // The sweep begins with the second frame. A slower clock may delay that frame by four cycles.
     let setup = Setup {
         crystals: Crystals { horus_ppb, dpr_ppb, flight_controller_ppb: 0, hold_ppb: 0 },
         sweep: Some(sweep.clone()),
@@ -62,16 +62,14 @@ fn holds(gps: usize, sweep: Sweep, clock: Clock, (horus_ppb, dpr_ppb): (i64, i64
         }
     }
     assert_eq!(outcome.report.violations, [""; 0], "{gps} receivers");
-    // Only the objects of the cycles with which the DPR finds the sequence are rejected.
     let searched = u64::from(SEARCH_CYCLES) * (gps as u64 + 1);
     assert_eq!((outcome.report.ssi.bad_crc, outcome.report.dpr.objects_rejected), (0, searched), "{gps} receivers");
 }
 
-/// Places transactions in every phase around the publication of frame `frame` of the cycle (from 0), up to the phase
-/// `last`.
+/// Places transactions around the publication of a cycle's frame `frame` (from 0), in phases up to `last`.
 fn around_a_publication(gps: usize, frame: usize, last: i64, clock: Clock, crystals: (i64, i64)) {
     let whole = Placement { edge: Edge::Rises, after_ns: 0, bytes: None };
-    // The last transaction comes 0.7 ms after the phase, and reads the image that was published.
+    // The last transaction reads the published image.
     let witness = falls(700 * US, 96);
     let patterns = vec![vec![whole, falls(GAP, 96), witness], vec![falls(0, 96), witness]];
     holds(gps, Sweep { frame, from_ns: FIRST, to_ns: last, step_ns: 100, patterns }, clock, crystals);
@@ -87,7 +85,6 @@ fn a_publication_with_three_receivers_may_meet_a_transaction_in_any_phase() {
     around_a_publication(3, 0, LAST, Clock::Fast, (200_000, -200_000));
 }
 
-/// On the pessimistic clock all work takes the longest time that silicon may take.
 #[test]
 fn publications_on_the_pessimistic_clock_may_meet_transactions_in_any_phase() {
     around_a_publication(3, 0, LAST + 60 * US, Clock::Pessimistic, (-200_000, 200_000));
@@ -98,20 +95,18 @@ fn a_publication_with_five_receivers_may_meet_a_transaction_in_any_phase() {
     around_a_publication(5, 1, LAST_OF_PUBLICATION, Clock::Fast, (200_000, -200_000));
 }
 
-/// Once a second the DPR's idle task has more work, which it begins when an event wakes it. Between two frames this
-/// event is the end of the pause after a transaction, 96 to 106 µs after that transaction. A second transaction that
-/// ends 109 to 127 µs after the first therefore coincides with the work.
+/// Once a second the DPR's idle task has additional work. It begins this work at its next event, the end of the pause
+/// after a transaction. A second transaction that ends 109 to 127 µs after the first therefore comes during this work.
 ///
-/// The DPR's second moves relative to HORUS's cycle by 400 µs each time, so a run of 25 s covers many distances of the
-/// work from a frame.
+/// The DPR's second begins 400 µs later in HORUS's cycle each time, so a run of 25 s has the work at many distances
+/// from a frame.
 #[test]
 fn what_the_dpr_does_once_a_second_holds_no_transaction_up() {
     let pairs = |gap: i64| {
         let pair = |at: i64| [falls(at, 8), falls(at + i64::from(timing::SPACING_NS) + gap, 8)];
         (0..7).flat_map(|place| pair(place * 650 * US)).collect()
     };
-    // The patterns are tried in turn, one in each of the 100 cycles of a second. Their number is prime, so successive
-    // seconds use different patterns.
+    // The number of patterns is prime, so that successive seconds use different ones.
     let patterns = (0..19).map(|pattern| pairs(pattern * US)).collect();
     let sweep = Sweep { frame: 0, from_ns: 300 * US, to_ns: 313_100, step_ns: 100, patterns };
     holds(3, sweep, Clock::Fast, (200_000, -200_000));

@@ -24,7 +24,7 @@ fn pass(node: &mut Node<Dpr>, ns: u64) {
     }
 }
 
-/// Writes `parts` in one transaction. Then lets 10 ms pass, in which the DPR publishes an image.
+/// Writes `parts` in one transaction, and waits until an image shows the effect.
 fn write(node: &mut Node<Dpr>, parts: &[&[u8]]) {
     let mosi = parts.concat();
     let bytes = mosi.len();
@@ -51,7 +51,6 @@ fn uplinks_are_read_back_as_they_were_written_until_they_are_old() {
     let own = Uplink::seal(OWN, &UplinkValues { timestamp: 9, payload, ..UplinkValues::default() });
     write(&mut node, &[IDLE, base.as_bytes()]);
     write(&mut node, &[&encode(Request { offset: 276, length: 192 }), own.as_bytes()]);
-    // The next transaction reads the window that the second write requested.
     let window = transact(&mut node, 192, 0);
     let whole = map(&mut node);
     assert_eq!(whole[276 + 64..], window[64..]);
@@ -61,7 +60,6 @@ fn uplinks_are_read_back_as_they_were_written_until_they_are_old() {
     assert_eq!((status.uplinks_accepted, status.violations.total()), (2, 0));
     assert!(status.status.base_station_fresh() && status.status.flight_controller_fresh());
     assert!((20..=45).contains(&status.base_station_age_ms), "{status:?}");
-    // The flight controller writes the same uplink again, so the DPR refuses it.
     write(&mut node, &[IDLE, own.as_bytes()]);
     let whole = map(&mut node);
     let status = reading(&whole).port.status.expect("Port-Status").values();

@@ -1,6 +1,6 @@
-//! Tests that the flight controller's use of the SSI does not affect the RFID side. The numbers of frames and objects,
-//! and the time from sample to announcement, differ by less than 1 % from those with a silent flight controller. Each
-//! task of the SSI may delay a frame's image once, and once more within the call that publishes the image.
+//! Tests that the flight controller's use or misuse of the SSI changes nothing for HORUS's frames: the numbers of
+//! frames and objects and the time from sample to announcement differ by less than 1 %. The tasks of the SSI may delay
+//! a frame's image twice.
 
 use crate::boards;
 
@@ -12,11 +12,11 @@ use cortex_m4::{Cost, Fast, Pessimistic};
 use profile::image::Image;
 
 const MS: u64 = 1_000_000;
-/// The interval, ns, in which the flight controller misuses the SSI and the figures are measured.
+/// The interval, ns, of the flight controller's misuse.
 const EPISODE: std::ops::Range<u64> = 300 * MS..900 * MS;
 
-/// The longest time, ns, by which the SSI's tasks delay a frame: the end of a pause and of a transaction (`sums.rs`),
-/// and a transaction's end that the publishing call handles itself.
+/// The longest time, ns, by which the SSI's tasks delay a frame (`sums.rs`). It adds the end of a pause, the end of a
+/// transaction, and another end of a transaction within the publication.
 const FAST_SHARE: u64 = 14_000;
 /// The longest time by which the SSI's tasks delay a frame on the pessimistic clock, ns (`sums.rs`: 17.2 µs).
 const PESSIMISTIC_SHARE: u64 = 22_500;
@@ -30,8 +30,7 @@ struct Figures {
     last_bit: u64,
 }
 
-/// Returns for each frame two times until FRESH next rises, ns: from the last tick before the frame, and from the
-/// frame's last bit.
+/// Returns for each frame the time to the next rise of FRESH, ns, from the tick and from the frame's last bit.
 fn announced(log: &Log) -> impl Iterator<Item = (u64, u64)> {
     let (mut tick, mut heard) = (None, None);
     log.events.iter().filter_map(move |event| match &event.what {
@@ -77,8 +76,7 @@ fn figures<C: Cost>((setup, bench): &(Setup, Bench<C>), conduct: Option<Conduct>
     Figures { frames, accepted, rejected, announced, last_bit }
 }
 
-/// Asserts that the figures under `conducts` are those of a silent flight controller, except for delays of at most
-/// `share_ns`.
+/// Asserts that these misuses change no figure, except for delays of at most `share_ns`.
 fn changes_nothing<C: Cost>(conducts: impl IntoIterator<Item = Conduct>, share_ns: u64) {
     let Some(warm) = warm::<C>() else { return };
     let quiet = figures(&warm, Some(Conduct::Silent));
@@ -101,8 +99,8 @@ fn changes_nothing<C: Cost>(conducts: impl IntoIterator<Item = Conduct>, share_n
     }
 }
 
-/// Returns edges of chip select without a clock, from 1 kHz to 4 MHz, and transactions of different lengths at all
-/// rates. No period divides the frames' cycle, so each coincides with frames in many phases.
+/// Returns edges of chip select and transactions with many periods. None divides HORUS's cycle, so that each meets
+/// frames in many phases.
 fn rates() -> impl Iterator<Item = Conduct> {
     let edges = [997_000, 293_000, 117_000, 97_000, 53_000, 11_300, 2_000, 1_000, 250].map(Conduct::Edges);
     let each =
@@ -110,8 +108,8 @@ fn rates() -> impl Iterator<Item = Conduct> {
     edges.into_iter().chain([0, 1, 8, 96, Image::<3>::LEN].into_iter().flat_map(each))
 }
 
-/// Runs a flight controller that is silent and then makes as many transactions as the DPR serves for one image,
-/// beginning at every offset from the end of a frame. Asserts that they delay the frame's image by at most `share_ns`.
+/// Makes as many transactions as the DPR serves for one image, at all times after a frame's end. Asserts that they
+/// delay the frame's image by at most `share_ns`.
 fn begins_in_every_phase<C: Cost>(share_ns: u64) {
     let Some((setup, bench)) = warm::<C>() else { return };
     let silent = |until| Faults::none().with(EPISODE.start + MS, until, Fault::FlightController(Conduct::Silent));

@@ -1,5 +1,5 @@
-//! Tests receivers on a UART, on I2C and on SPI: their values are shown to the last bit, and a fault of one interface
-//! costs neither a cycle nor another receiver. Its effect ends soon after the fault.
+//! Tests receivers on a UART, on I2C and on SPI. Their values are shown bit by bit. If one interface fails, HORUS still
+//! sends every cycle and shows the other receivers, and the effect of the failure ends soon.
 
 use crate::boards;
 
@@ -27,7 +27,8 @@ fn sound(setup: &Setup) -> Outcome {
     let outcome = run(setup, &mut ()).unwrap_or_else(|error| panic!("{error}"));
     let what = || setup.faults.episodes().iter().map(|episode| episode.fault.name()).collect::<Vec<_>>();
     assert_eq!(outcome.report.violations, [""; 0], "{:?}", what());
-    // HORUS's start takes two cycles. On the pessimistic clock it takes four, because its test of the RAM takes 20 ms.
+    // HORUS's start takes up to four cycles on the pessimistic clock, and two on the others. The frames of these
+    // cycles, and one more, may be missing.
     let started = if setup.clock == Clock::Pessimistic { 5 } else { 3 };
     let cycles = setup.duration_ns / (10 * MS);
     assert!(outcome.report.horus.frames_sent >= cycles - started, "{:?}: {:?}", what(), outcome.report.horus);
@@ -35,13 +36,11 @@ fn sound(setup: &Setup) -> Outcome {
     outcome
 }
 
-/// Returns the changes of a receiver's position between valid (`true`) and not valid, with their instants, ns.
 fn validity(outcome: &Outcome, receiver: usize) -> Vec<(u64, bool)> {
     let of = |gps: [Option<Position>; 5]| gps[receiver].is_some_and(|it| it.valid);
     outcome.base.history().map(|entry| (entry.at_ns, of(entry.gps))).collect()
 }
 
-/// Returns a log of ten epochs with NMEA messages, noise, and a damaged message.
 fn log() -> Vec<u8> {
     (0..10_i32)
         .flat_map(|epoch| {
@@ -49,7 +48,7 @@ fn log() -> Vec<u8> {
                 itow_ms: 100_000 + epoch as u32 * 100,
                 fix_type: 3,
                 flags: ubx::NavPvt::FLAG_FIX_OK,
-                // The latitude contains the byte 0xFF, which is no filler within a message.
+                // The latitude contains bytes of value 0xFF, which are filler only between messages.
                 latitude_1e7: 0x1C4F_FFFF + epoch * 7,
                 longitude_1e7: 87_290_587 - epoch * 11,
                 height_mm: 470_001 + epoch,
@@ -92,14 +91,13 @@ fn a_recorded_log_gives_bit_exact_gps_objects_on_each_interface() {
             .map(|position| [position.latitude, position.longitude, position.altitude].map(f64::to_bits))
             .collect();
         shown.dedup();
-        // A first message on SPI may have waited behind a stuck line, so HORUS drops it. HORUS drops the second too if
-        // no filler after the first shows that the receiver is empty.
+        // On SPI, HORUS drops the first message, which may have waited. It also drops the second one if no filler has
+        // shown that the receiver's buffer is empty.
         let first = if receiver == 2 { 1..=2 } else { 0..=0 };
         assert!(first.into_iter().any(|first| shown == held[first..]), "GPS{}: {shown:?} of {held:?}", receiver + 1);
     }
 }
 
-/// Returns a log with a solution every 40 ms. From epoch 30 on the receiver is 1 km farther north.
 fn log_that_jumps() -> Vec<u8> {
     let epoch = |epoch: u32| ubx::NavPvt {
         itow_ms: 100_000 + epoch * 40,
@@ -115,7 +113,6 @@ fn log_that_jumps() -> Vec<u8> {
     (0..75).flat_map(|number| epoch(number).encode()).collect()
 }
 
-/// Returns Reported-Position from `from` ms on, each with its instant.
 fn reported_from(outcome: &Outcome, from: u64) -> Vec<(u64, Position)> {
     let history = outcome.base.history().filter_map(|entry| Some((entry.at_ns / MS, entry.reported?)));
     history.filter(|(at, _)| *at >= from).collect()
@@ -156,7 +153,6 @@ fn one_receiver_in_3d_beside_two_in_2d_shows_no_altitude() {
             .iter()
             .all(|(_, position)| position.valid && (position.altitude.is_nan() || position.altitude <= 800.0))
     );
-    // All receivers have a solution within 250 ms.
     let during = altitudes.iter().filter(|(at, _)| (770..900).contains(at));
     assert!(during.clone().count() > 10 && during.clone().all(|(_, position)| position.altitude.is_nan()));
     assert!(altitudes.iter().any(|(at, position)| *at > 1_200 && position.altitude > 400.0), "it is back");
@@ -178,8 +174,8 @@ fn an_attitude_that_two_receivers_contradict_each_other_in_is_not_shown() {
 }
 
 const FAILS: std::ops::Range<u64> = 500 * MS..900 * MS;
-/// The longest time from the end of a bus's fault to a valid position, ns. HORUS tries the bus again after at most 110
-/// ms (decision 16), the next solution comes within 200 ms, and the way to the base station takes 50 ms.
+/// The longest time from the end of a bus's fault to a valid position, ns. HORUS tries the bus again within 110 ms
+/// (decision 16), a solution comes within 200 ms, and the way to the base station takes 50 ms.
 const BACK: u64 = 360 * MS;
 
 fn of_bus(clock: Clock) {
@@ -248,23 +244,21 @@ fn endless_bus_errors_take_at_most_two_percent_of_the_processor() {
 struct Table {
     failures: u64,
     silenced: u64,
-    /// The longest time without a valid position, ns.
     longest: u64,
     latest: u64,
     apart: u64,
 }
 
-/// Returns whether two correct receivers may be too far apart to agree: farther than the least limits of decision 15,
-/// less their motion.
+/// Returns whether these two receivers may be too far apart to agree, by the least limits of decision 15.
 fn may_disagree(one: Position, other: Position) -> bool {
     let north = (one.latitude - other.latitude).to_radians() * 6_371_000.0;
     let east = (one.longitude - other.longitude).to_radians() * 6_371_000.0 * one.latitude.to_radians().cos();
     north.hypot(east) > 5.0 - 1.0 || (one.altitude - other.altitude).abs() > 8.0 - 0.5
 }
 
-/// Injects `failures` faults of buses, one a second. Asserts that there is no violation and no lost cycle, and that the
-/// other two receivers stay valid. Reported-Position has to stay valid while those two agree. Returns its greatest
-/// error, m.
+/// Injects faults of buses, one a second. Asserts that there is no violation, that no cycle is lost, and that the other
+/// receivers stay valid. While the other receivers agree, Reported-Position must be valid. Returns its greatest error,
+/// m.
 fn drawn_failures(clock: Clock, seed: u64, failures: u64, table: &mut [Table; BusFault::ALL.len()]) -> Option<f64> {
     const SECOND: u64 = 1_000 * MS;
     const SETTLED: u64 = SECOND;
@@ -296,7 +290,7 @@ fn drawn_failures(clock: Clock, seed: u64, failures: u64, table: &mut [Table; Bu
             for other in &others {
                 assert!(of(entry, *other), "{}: GPS{} at {}", what(), other + 1, entry.at_ns);
             }
-            // If the two receivers without a fault disagree, HORUS cannot tell which of them is right.
+            // The two receivers without a fault may disagree, so HORUS cannot tell which is right.
             let apart = may_disagree(entry.gps[others[0]].unwrap(), entry.gps[others[1]].unwrap());
             row.apart += u64::from(apart);
             assert!(apart || entry.reported.is_some_and(|reported| reported.valid), "{}: at {}", what(), entry.at_ns);
@@ -358,16 +352,14 @@ fn a_thousand_failures_of_buses() {
     assert!(worst <= RIGHT_M, "{worst} m");
 }
 
-/// The longest time, ns, from the loss of a receiver's settings on a UART to its recovery. HORUS tries the usual rate,
-/// then sets the rate from 38 400 baud and configures the receiver (decision 16).
+/// The longest time, ns, from the loss of a receiver's settings on a UART to its recovery. HORUS tries the usual bit
+/// rate first, and then 38 400 baud (decision 16).
 const CONFIGURED: u64 = 2_500 * MS;
 
-/// The longest time, ns, from the end of a stuck MISO to a valid position, if the receiver's output buffer holds no
-/// older message. The first message comes within 200 ms, but only proves that the buffer is empty (decision 16). The
-/// second comes 200 ms later and is used.
+/// The longest time, ns, from the end of a stuck MISO to a valid position. The first message comes within 200 ms and
+/// only shows that the receiver's buffer was empty (decision 16). The second comes 200 ms later.
 const PROVED: u64 = 450 * MS;
 
-/// After a stuck MISO, the first bytes have waited in the receiver for more than a second.
 #[test]
 fn bytes_that_waited_behind_a_stuck_line_are_not_taken_for_new() {
     for reads in 0..6 {

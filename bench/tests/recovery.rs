@@ -10,7 +10,7 @@ use boards::image;
 use emulator_node::Clock;
 
 const MS: u64 = 1_000_000;
-/// The instant at which both boards have started and the link has been up for 200 ms, ns.
+/// The instant, ns, at which the link has been up for 200 ms.
 const BEGINS: u64 = 303 * MS;
 /// The time from the end of a disturbance to the end of the run, ns: longer than the limit for a recovery.
 const AFTER: u64 = 450 * MS;
@@ -68,8 +68,8 @@ fn the_link_recovers_from_misuse_of_the_ssi_within_5_cycles() {
 fn the_link_recovers_from_each_front_end_fault_within_15_cycles() {
     for board in BOARDS {
         for fault in ChipFault::ALL {
-            // A fault of the front end ends within a cycle, just after the firmware has doubled its wait before the
-            // next bring-up, or during the longest wait.
+            // The fault ends within a cycle, after the firmware has doubled its wait for the next bring-up, or in the
+            // longest wait.
             for length in [4 * MS, 140 * MS, 390 * MS] {
                 if !recovers(one(Fault::Chip(board, fault), length), length, 15) {
                     return;
@@ -138,8 +138,8 @@ fn the_link_recovers_from_a_front_end_fault_during_a_restart() {
 
 #[test]
 fn a_field_that_goes_while_the_listener_re_arms_is_told() {
-    // About 120 µs after a frame's last bit there are 12 µs in which the FIFO's content is discarded, and with it the
-    // interrupt of a lost field.
+    // About 120 µs after a frame the DPR discards the FIFO, which takes up to 12 µs. If the field is lost in this time,
+    // the DPR also discards the interrupt that reports the loss.
     for after in (1_000..1_200).step_by(4) {
         let at = BEGINS + after * 1_000;
         let faults = Faults::none().with(at, at + 90 * MS, Fault::Power(Board::Horus, PowerFault::FrontEndOff));
@@ -150,8 +150,8 @@ fn a_field_that_goes_while_the_listener_re_arms_is_told() {
 
 #[test]
 fn a_message_that_is_served_late_leaves_no_interrupt_on() {
-    // HORUS's message to GPS1 ends 38 ms after HORUS's restart. A stuck line delays the work of the UART by more than
-    // two bytes.
+    // HORUS's message to GPS1 ends 38 ms after a restart. Around that instant the line is stuck, which delays the
+    // UART's interrupt.
     for after in (36_000..40_000).step_by(60) {
         let stuck = BEGINS + after * 1_000;
         let faults = one(Fault::Power(Board::Horus, PowerFault::Pin), 0).with(

@@ -1,5 +1,5 @@
-//! Tests the runner of `cargo xtask run`: a file is refused, or runs alone on a board and ends within the limit of
-//! time, with a clear message. The firmware's log is shown in any format.
+//! Tests the runner of `cargo xtask run`. It refuses a file, or runs it alone on a board within a limit of time, and
+//! shows the firmware's log in any format.
 
 use crate::{boards, elf, thumb};
 
@@ -112,7 +112,6 @@ fn a_firmware_that_never_ends_is_stopped_at_the_time_limit() {
     assert!(!outcome.doing.contains("nothing is due"), "{}", outcome.doing);
 }
 
-/// Returns the firmware `main` with a handler for the core's exception `number`.
 fn with_exception(main: &Thumb, number: usize, handler: (u32, &Thumb)) -> Firmware {
     let mut segments = firmware("exception", main, &[]).segments().to_vec();
     segments[0].1[4 * number..][..4].copy_from_slice(&(handler.0 | 1).to_le_bytes());
@@ -159,7 +158,7 @@ fn the_handler_of_a_hard_fault_is_heard_to_its_end() {
     main.store(RCC + 0x30, 1).store(RCC + 0x40, 1 << 17).store(GPIOA + 0x20, 7 << 8).store(GPIOA, 0xA800_0020);
     main.store(USART2 + 8, 139).store(USART2 + 12, 1 << 13 | 1 << 3).raw(&[0xDE00]);
     let mut handler = Thumb::at(thumb::HANDLER);
-    // Register r3 counts the bytes that are left. A byte is sent when TXE is set.
+    // R3 counts the bytes that are left; a byte is sent when TXE is set.
     handler.mov(3, 500).mov(0, USART2).mov(2, u32::from(b'x'));
     let again = handler.here();
     handler.ldr(1, 0, 0).test(1, 7).branch_if(thumb::If::CarryClear, again);
@@ -182,7 +181,6 @@ fn the_handler_of_a_hard_fault_is_heard_to_its_end() {
     assert!(heard(20 * MS).0 < 500, "the limit ends it");
 }
 
-/// The HardFault vector leads to the reset handler, which every start executes too.
 #[test]
 fn a_hard_fault_vector_to_reset_is_harmless_without_a_fault() {
     let mut main = Thumb::at(MAIN);
@@ -213,7 +211,7 @@ fn a_fault_is_reported_only_if_it_shares_the_hard_fault_handler() {
     assert!(outcome.findings[0].text.contains("undefined instruction"), "{}", outcome.findings[0]);
 }
 
-/// The firmware moves VTOR to a table in RAM, as boot loaders and RTOSes do.
+/// The firmware moves VTOR to a table in RAM, as boot loaders and operating systems do.
 #[test]
 fn a_hard_fault_behind_a_moved_vector_table_is_told() {
     const TABLE: u32 = 0x2000_0800;
@@ -259,8 +257,7 @@ fn a_firmware_that_only_restarts_ends_the_run_with_the_reason() {
 
 #[test]
 fn a_firmware_that_its_watchdog_restarts_for_ever_ends() {
-    // The watchdog's first period is 512 ms whatever its reload value is. The reload value of 1 takes effect after
-    // that.
+    // The first period is 512 ms. The reload value of 1 takes effect after it.
     const IWDG: u32 = 0x4000_3000;
     let mut main = Thumb::at(MAIN);
     main.store(IWDG, 0x5555).store(IWDG + 8, 1).store(IWDG, 0xAAAA).store(IWDG, 0xCCCC).idle();
@@ -307,9 +304,9 @@ fn a_finding_has_its_instant_and_peripheral_despite_a_change_of_clock() {
 #[test]
 fn a_finding_in_a_release_image_names_the_firmwares_function_and_line() {
     let Some(path) = boards::image(3, "dpr-fw.elf") else { return };
-    // The DPR's program runs on HORUS's board, where code in RAM cannot be fetched from its link address.
+    // On HORUS's board the processor cannot fetch the DPR's code in RAM at its address.
     let outcome = on_horus(&Firmware::read(&path).unwrap());
-    // The first instructions store to registers of the nRF52840. They have a symbol but no line numbers.
+    // The first stores go to registers of the nRF52840, from assembler code without line numbers.
     let place_of = |finding: &Finding| finding.symbol.clone().unwrap_or_default();
     let (assembler, rust): (Vec<_>, Vec<_>) =
         outcome.findings.iter().partition(|finding| place_of(finding).starts_with("__pre_init+"));
@@ -351,7 +348,7 @@ fn logging(channels: &[Up<'_>], then: impl FnOnce(&mut Thumb)) -> Firmware {
             main.store(entry + at, word);
         }
     }
-    // The firmware writes all sixteen bytes of the identifier, because RAM holds arbitrary values before.
+    // RAM holds arbitrary values, so the firmware writes all 16 bytes of the identifier.
     put(&mut main, BLOCK, b"SEGGER RTT\0\0\0\0\0\0");
     then(&mut main);
     main.idle();
@@ -438,11 +435,11 @@ const USART2: u32 = 0x4000_4400;
 fn a_uart_of_a_board_receives_and_sends_bytes() {
     let mut main = Thumb::at(MAIN);
     main.store(RCC + 0x30, 1).store(RCC + 0x40, 1 << 17);
-    // PA2 and PA3 get alternate function 7. The pins of the debug port keep their reset setting.
+    // PA2 and PA3 get alternate function 7, and the debug port keeps its pins.
     main.store(GPIOA + 0x20, 0x7700).store(GPIOA, 0xA800_00A0);
     // 16 MHz / 139 is 115 108 baud.
     main.store(USART2 + 8, 139).store(USART2 + 0xC, 1 << 13 | 1 << 3 | 1 << 2);
-    // The loop sends each received byte back, increased by one.
+    // The loop sends each received byte, increased by one.
     let again = main.here();
     main.wait_for(USART2, 5).mov(0, USART2).ldr(1, 0, 4).raw(&[0x3101]).str(1, 0, 4).branch(again);
     let [transmits, receives] = [2, 3].map(|number| Pin::new(0, number));

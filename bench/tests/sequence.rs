@@ -1,5 +1,5 @@
-//! Tests how the DPR handles cycles that do not continue the sequence: repeated, reordered or early ones, and those of
-//! a HORUS that has restarted or whose clock is wrong. The rules are in docs/design.md#sequence.
+//! Tests how the DPR handles cycles that do not continue the sequence (docs/design.md#sequence). Some are repeated,
+//! reordered or too early; others come from a HORUS that has restarted or whose clock is wrong.
 //!
 //! The frames of these tests are intact in every bit. Only their timestamps and instants may be wrong.
 
@@ -34,8 +34,7 @@ fn count(node: &Node<Dpr>, offset: usize) -> u32 {
     counter(node, "DPR_TELEMETRY", offset)
 }
 
-/// Returns the longest time, ns, for which data were read as valid, from the last bit of the last frame in `sent` that
-/// carried them.
+/// Returns the longest time, ns, from the last bit of a frame in `sent` to a reading of its data as valid.
 fn oldest(views: &[View], sent: &[(u64, u32)]) -> u64 {
     let shown = views.iter().flat_map(|view| view.valid.iter().map(|timestamp| (view.at, *timestamp)));
     let ages = shown.map(|(at, timestamp)| {
@@ -59,15 +58,13 @@ fn timestamps_20_10_20_10_and_so_on_show_nothing() {
     let intact = views.iter().filter_map(|view| view.link);
     assert!(intact.clone().count() + 5 >= views.len(), "it is read throughout");
     assert!(intact.clone().all(|link| link.status.out_of_sequence() && !link.status.link_up()));
-    // Every second frame has an earlier timestamp than the frame before it.
     assert!(intact.clone().next_back().is_some_and(|link| link.status.horus_restarted()));
     for view in &views {
         assert_eq!(view.valid, [0; 0], "at {} us", view.at / US);
     }
 }
 
-/// Returns the frames of `sent` with the instant of the last bit in place of the first. Each has an instant and a
-/// timestamp.
+/// Returns for each frame in `sent` the instant of its last bit and its timestamp.
 fn ends(sent: &[(u64, u32)]) -> Vec<(u64, u32)> {
     sent.iter().map(|(at, timestamp)| (at + frame_ns(), *timestamp)).collect()
 }
@@ -75,7 +72,7 @@ fn ends(sent: &[(u64, u32)]) -> Vec<(u64, u32)> {
 #[test]
 fn frames_that_follow_each_other_too_early_are_noticed_and_not_shown() {
     let Some(mut node) = dpr() else { return };
-    // After ten correct cycles frames come every millisecond, but their timestamps go on in steps of 10 ms.
+    // After ten correct cycles, frames come every millisecond with timestamps in steps of 10 ms.
     let mut at = FIRST;
     let mut sent = vec![];
     for cycle in 0..40 {
@@ -84,7 +81,7 @@ fn frames_that_follow_each_other_too_early_are_noticed_and_not_shown() {
         at += if cycle < 10 { 10 * MS } else { frame_ns() + MS };
     }
     let views = views(&mut node, at);
-    // The eleventh frame comes 10 ms after the tenth, so it may still be shown. No later frame may be.
+    // The eleventh frame comes 10 ms after the tenth, so it is the last that may be shown.
     let early = ends(&sent)[11].0;
     let newest = views.iter().flat_map(|view| &view.valid).max();
     assert_eq!(newest, Some(&200));
@@ -101,7 +98,7 @@ fn frames_that_follow_each_other_too_early_are_noticed_and_not_shown() {
     }
 }
 
-/// Sends an additional frame between frames 20 and 21. It is a copy of the frame that is `back` cycles before frame 21.
+/// Sends a further frame between frames 20 and 21, a copy of the frame `back` cycles before frame 21.
 fn inserted(back: u32) -> Option<()> {
     let mut node = dpr()?;
     let stamp = |cycle: u32| 500 + 10 * cycle;
@@ -116,8 +113,7 @@ fn inserted(back: u32) -> Option<()> {
     }
     let views = views(&mut node, FIRST + 400 * MS);
     let inserted_end = insert.0 + frame_ns();
-    // Frame 21 comes 5 ms after the inserted frame, which is too early. Frames 22 to 24 find the sequence again, and
-    // frame 24 is shown.
+    // Frame 21 comes too early, 5 ms after the inserted one. Frames 22 to 24 find the sequence again.
     let found = ends(&sent)[25].0;
     let during: Vec<_> = views.iter().filter(|view| (inserted_end + 150 * US..found).contains(&view.at)).collect();
     assert!(during.len() >= 10, "{back} back: {}", during.len());
@@ -131,7 +127,7 @@ fn inserted(back: u32) -> Option<()> {
     assert_eq!(first_again, Some(&stamp(24)), "{back} back");
     let age = oldest(&views, &ends(&sent));
     assert!(age <= STALE, "{back} back: {age} ns");
-    // Seven of the 41 frames that were sent are not shown: three at the start, the inserted one, and frames 21 to 23.
+    // The first three frames, the inserted one, and frames 21 to 23 are not shown.
     let accepted = count(&node, std::mem::offset_of!(Telemetry, objects_accepted));
     assert_eq!(accepted, (41 - 3 - 4) * OBJECTS, "{back} back");
     Some(())
@@ -167,8 +163,8 @@ fn a_repeated_frame_in_its_successors_place_is_not_shown() {
     assert!(frozen.count() >= 8);
     let age = oldest(&views, &ends(&sent));
     assert!(age <= STALE, "{age} ns");
-    // Frame 18 comes too early: 10 ms after frame 14, but with a step of four cycles. Frames 19 to 21 find the sequence
-    // again.
+    // Frame 18 comes 10 ms after frame 14, which is too early for a step of four cycles. Frames 19 to 21 find the
+    // sequence again.
     let newest: Vec<u32> = views.iter().filter_map(|view| view.valid.first().copied()).collect();
     assert_eq!(newest.iter().find(|timestamp| **timestamp > 640), Some(&(500 + 210)));
 }
@@ -204,14 +200,14 @@ fn link_status_has_the_age_of_the_sample_at_publication() {
     let fresh = relay.downstream.views.iter().filter_map(|view| view.link).filter(|link| link.status.all_accepted());
     let ages: Vec<u32> = fresh.map(|link| u32::from(link.age_100us) * 100).collect();
     assert!(ages.len() >= 50, "{}", ages.len());
-    // The publication comes at most 100 µs after the last bit. Link-Status rounds the age down to 100 µs.
+    // The publication comes up to 100 µs after the last bit, and Link-Status rounds the age down to 100 µs.
     for age in ages {
         assert!((AGE_AT_END - 99..=AGE_AT_END + 100).contains(&age), "{age} us");
     }
 }
 
-/// Returns the number, from 1, of the first frame after the restart at `restarted` that was read as valid. The front
-/// end finishes the last frame before the restart, so reads within [`STALE`] of it do not count.
+/// Returns which frame after the restart (from 1) was the first that was read as valid. Data of the last frame before
+/// the restart do not count.
 fn first_shown(reader: &Reader, restarted: u64) -> usize {
     let (before, since): (Vec<&Sent>, Vec<&Sent>) = reader.sent.iter().partition(|frame| frame.started < restarted);
     let last = before.last().expect("it sent before");
@@ -234,7 +230,7 @@ fn a_restarted_horus_is_shown_from_its_fourth_frame_on() {
         let nth = first_shown(reader, restarted);
         let silence = reader.sent.iter().find(|frame| frame.started > restarted).unwrap().started - restarted;
         println!("{why:?}: first frame {} us after the restart, frame {nth} is the first shown", silence / US);
-        // Frame 1 begins the search for the sequence. Frames 2 to 4 find it, and frame 4 is shown.
+        // Frame 4 is shown, because it is the third that fits frame 1.
         assert_eq!(nth, 1 + usize::from(SEARCH_CYCLES), "{why:?}");
         let told = reader.views.iter().filter(|view| view.at > restarted).filter_map(|view| view.link);
         assert!(told.clone().any(|link| link.status.horus_restarted()), "{why:?}");
@@ -247,7 +243,7 @@ fn a_restarted_horus_is_shown_from_its_fourth_frame_on() {
 fn after_a_watchdog_restart_horus_is_shown_from_its_fourth_frame_on() {
     let Some(mut relay) = both(Oscillators::default()) else { return };
     go(&mut relay, 207 * MS);
-    // The task of HORUS that parses the receivers' messages never ends.
+    // HORUS's task that parses messages never ends.
     let task = relay.a.address_of("CAN1_RX1").unwrap() & !1;
     let mut was = [0; 2];
     relay.a.read(task, &mut was).unwrap();
@@ -258,7 +254,7 @@ fn after_a_watchdog_restart_horus_is_shown_from_its_fourth_frame_on() {
         go(&mut relay, now);
         now += 5 * MS;
     }
-    // A firmware that finds the damage during its start waits for the watchdog once more.
+    // A firmware that finds the damage during its start has to be reset once more.
     relay.a.write(task, &was).unwrap();
     go(&mut relay, now + 400 * MS);
     let restarted = relay.a.resets().last().unwrap().at;
@@ -281,7 +277,6 @@ fn a_horus_clock_off_by_3_percent_is_reported_within_2600_ms() {
         let after: Vec<&View> = reader.views.iter().filter(|view| view.at > told).collect();
         assert!(after.len() >= 50, "{ppb} ppb");
         let shown = after.iter().filter(|view| !view.valid.is_empty()).count();
-        // A transaction that finds the DPR busy, or comes between two cycles, reads no valid object.
         assert!(shown * 10 >= after.len() * 9, "{ppb} ppb: {shown} of {} valid", after.len());
         assert!(after.iter().all(|view| view.link.is_none() || implausible(view)), "{ppb} ppb");
         let accepted = count(&relay.b, std::mem::offset_of!(Telemetry, objects_accepted)) as usize;

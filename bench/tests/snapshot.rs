@@ -38,8 +38,8 @@ fn on_one_thread_and_on_two_a_run_leaves_the_same_bytes() {
     assert_eq!(whole::<Pessimistic>(&setup, Threads::One), whole::<Pessimistic>(&setup, Threads::Two));
 }
 
-/// The instants, ns, at which the bench is copied: while the boards start, between two frames, within a frame, at its
-/// last bit, and during a publication.
+/// The instants, ns, at which the bench is copied: in the boards' start, between two frames, within a frame, at its
+/// last bit, and in a publication.
 const INSTANTS: [u64; 7] =
     [0, 6 * MS + 300 * US, 101 * MS, 147 * MS + 777, 149 * MS + 419 * US, 149 * MS + 503 * US, 213 * MS];
 
@@ -54,7 +54,7 @@ fn a_copy_taken_at_any_instant_runs_on_like_the_original() {
         copy.run_to(END, Threads::Two);
         assert_eq!(outcome(copy), expected, "a copy at {instant} ns");
     }
-    // The copies have run to the end, but the original gives the results of a run that was never copied.
+    // The original is not changed by the runs of its copies.
     original.run_to(END, Threads::One);
     assert_eq!(outcome(original), expected);
 }
@@ -62,8 +62,7 @@ fn a_copy_taken_at_any_instant_runs_on_like_the_original() {
 #[test]
 fn a_run_in_pieces_has_the_event_log_of_a_whole_run() {
     let Some(setup) = setup() else { return };
-    // Frames are lost and repeated. A run that is divided must pass a repeated frame to the DPR at the right instant
-    // too.
+    // Repeated frames may reach the DPR in a later piece of a divided run.
     let faults = Faults::of_air(AirFaults { lost: 0.1, repeated: 0.5, ..AirFaults::default() });
     let setup = Setup { faults, ..setup };
     let log = |ends: &[u64]| {
@@ -72,7 +71,7 @@ fn a_run_in_pieces_has_the_event_log_of_a_whole_run() {
         ends.iter().chain([&END]).for_each(|end| bench.run_to(*end, Threads::One));
         bench.finish(END).log
     };
-    // A run may be divided only at multiples of 10 ms, because the base station's display is recorded every 10 ms.
+    // The base station's display is recorded every 10 ms, so a run is divided at multiples of 10 ms.
     let ends: Vec<u64> = (1..26).map(|cycle| cycle * 10 * MS).collect();
     assert!(log(&ends) == log(&[]));
 }

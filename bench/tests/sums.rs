@@ -1,9 +1,9 @@
-//! Calculates two deadlines of the DPR as sums: from the last bit to readable, and from the end of a transaction to
-//! ready.
+//! Calculates the worst cases of two of the DPR's deadlines as sums: from the last bit to readable, and from the end of
+//! a transaction to ready.
 //!
-//! An observed worst case is not a bound, because it can take hours until all delays of a path coincide. Each part of a
-//! path is therefore measured separately, at its longest, on each clock, and the parts are added up. The sums must keep
-//! the bounds of docs/design.md#timing, and no run may exceed the sums.
+//! A run seldom shows the worst case, because all delays of a path must coincide. Each part of the path is therefore
+//! measured at its longest, on each clock, and the parts are added up. The sums must keep the bounds of
+//! docs/design.md#timing, and no run may exceed the sums.
 //!
 //! | path or share | how it is measured |
 //! |---|---|
@@ -28,11 +28,11 @@ use cortex_m4::{Cost, Fast, Optimistic, Pessimistic, Register};
 use emulator_node::Threads;
 
 const MS: u64 = 1_000_000;
-/// The instant, ns, from which the processor is examined. The link is up by then.
+/// The instant, ns, from which the DPR's processor is examined.
 const WARM: u64 = 300 * MS;
-/// How long the processor is examined, ns: one cycle of HORUS.
+/// The time for which the DPR's processor is examined, ns: one cycle of HORUS.
 const LOOKED_AT: u64 = 10 * MS;
-/// The end of the run, ns, up to which the flight controller's service times are measured.
+/// The end of the run, ns. The times from a transaction to ready are observed until then.
 const END: u64 = WARM + 500 * MS;
 /// An upper limit of the DPR's clock period at 64 MHz, ns.
 const CYCLE: u64 = 15;
@@ -41,18 +41,19 @@ const SSI: [u32; 2] = [16 + 4, 16 + 26];
 /// The values of BASEPRI that mask priority 6 (the SSI) and priority 5 (the RFID side), in the three upper bits.
 const MASKS: [u32; 2] = [0x40, 0x60];
 
-/// What the DPR's processor did, clock cycle by clock cycle.
+/// The observations of the DPR's processor during the examination.
 struct Watched<C: Cost> {
-    /// The exceptions that ran: the instant (ns) at which each began to run, and its number, 0 for the idle loop or
-    /// sleep.
+    /// The instant (ns) at which an exception began or continued to run, and its number; 0 stands for the idle loop and
+    /// for sleep.
     runs: Vec<(u64, u32)>,
-    /// For each priority in [`MASKS`], the longest time, ns, for which a less urgent task masked it.
+    /// For each priority in [`MASKS`], the longest time, ns, for which less urgent code masked it.
     masked: [u64; 2],
     log: Log,
     clock: PhantomData<C>,
 }
 
-/// Runs the link up to [`WARM`], then examines the DPR's processor. `conduct` replaces the ordinary transactions.
+/// Runs the link to [`WARM`] and then examines the DPR's processor. `conduct` is a misuse of the SSI in place of the
+/// ordinary transactions.
 fn watch<C: Cost>(gps: usize, conduct: Option<Conduct>) -> Option<Watched<C>> {
     let images = Images { horus: image(gps, "horus-tx-fw.elf")?, dpr: image(gps, "dpr-fw.elf")? };
     let mut setup = Setup { writes: true, ..Setup::new(images, gps, END) };
@@ -74,7 +75,7 @@ fn watch<C: Cost>(gps: usize, conduct: Option<Conduct>) -> Option<Watched<C>> {
         }
         let (base, all) = (dpr.core_register(Register::Basepri), dpr.core_register(Register::Primask) != 0);
         for ((mask, since), longest) in MASKS.into_iter().zip(&mut since).zip(&mut masked) {
-            // A priority does not count as masked while a task of that priority or of a more urgent one runs.
+            // A priority is not masked while a task of the same priority, or of a more urgent one, runs.
             let runs = SSI.contains(&active) || mask == MASKS[1] && is_of_the_rfid_side(active);
             if (all || base != 0 && base <= mask) && !runs {
                 let since = *since.get_or_insert(at - CYCLE);
@@ -93,8 +94,8 @@ fn is_of_the_rfid_side(exception: u32) -> bool {
 }
 
 impl<C: Cost> Watched<C> {
-    /// Returns the longest run of an exception, ns. A run that raises FRESH does not count, because it belongs to the
-    /// handling of a frame.
+    /// Returns the longest uninterrupted run of an exception, ns. A run in which FRESH rises is left out, because it
+    /// belongs to the handling of a frame.
     fn longest(&self, exception: u32) -> u64 {
         let rises: Vec<u64> = self.frames().into_iter().map(|(_, rose)| rose).collect();
         let runs = self.runs.windows(2).filter(|pair| pair[0].1 == exception).map(|pair| pair[0].0..pair[1].0);
@@ -120,7 +121,8 @@ impl<C: Cost> Watched<C> {
         frames.collect()
     }
 
-    /// Returns the exceptions between a frame's last bit and the rise of FRESH, each with its longest time, ns.
+    /// Returns the exceptions that ran between a frame's last bit and the rise of FRESH, each with its longest time,
+    /// ns.
     fn pieces(&self) -> Vec<(u32, u64)> {
         let mut pieces: BTreeMap<usize, (u32, u64)> = BTreeMap::new();
         let frames = self.frames();
@@ -153,7 +155,7 @@ impl<C: Cost> Watched<C> {
     }
 }
 
-/// Adds up both sums for `gps` receivers. Compares them with the bounds and with the observed times.
+/// Calculates both sums for `gps` receivers, and compares them with the bounds and the observed times.
 fn add_up<C: Cost>(gps: usize) {
     let Some(quiet) = watch::<C>(gps, Some(Conduct::Silent)) else { return };
     let Some(usual) = watch::<C>(gps, None) else { return };
@@ -178,7 +180,7 @@ fn add_up<C: Cost>(gps: usize) {
         let worst = seen.frames().into_iter().map(|(last_bit, rose)| rose - last_bit).max().expect("a frame");
         assert!(worst <= readable, "{worst}");
     }
-    // The SSI's tasks count for the sum only if they have preempted the handling of a frame.
+    // The tasks of the SSI must have interrupted the handling of a frame, as the sum assumes.
     assert!(hostile.longest(SSI[0]) > 0 && hostile.longest(SSI[1]) > 0, "both tasks ran");
 }
 

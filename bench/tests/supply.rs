@@ -65,7 +65,7 @@ fn a_falling_supply_switches_horuss_field_off_before_it_resets_the_part() {
     node.supply(2_749_999, 0);
     assert!(!node.is_powered());
     run_horus(&mut node, 140 * MS);
-    // The microcontroller of HORUS starts at 2.85 V, but the firmware stops at once until the supply is high enough.
+    // HORUS's microcontroller starts at 2.85 V, but the firmware stops until the supply is higher.
     node.supply(2_850_000, 0);
     assert!(node.is_powered());
     assert_eq!(node.resets().last().map(|reset| reset.cause), Some(Reset::BrownOut));
@@ -90,7 +90,7 @@ fn a_falling_supply_takes_the_dprs_image_away_and_is_named() {
     let now = node.now();
     run_dpr(&mut node, now + 50 * US);
     assert!(silent(&mut node) && silent(&mut node));
-    // The low voltage has stopped the DPR. After the watchdog's reset it stops the DPR's start too.
+    // The low voltage stops the DPR once more when it starts after the watchdog's reset.
     let now = node.now();
     run_dpr(&mut node, now + 300 * MS);
     assert!(silent(&mut node) && silent(&mut node));
@@ -111,7 +111,8 @@ fn a_supply_that_fails_while_the_dpr_logs_causes_no_panic() {
     field_on(&mut warm);
     run_dpr(&mut warm, 1_000 * MS);
     let mut interrupted = 0;
-    // The DPR writes its log line once a second, 19.87 ms after the second, because its start takes that long.
+    // The DPR writes a line to its log once a second, 19.87 ms after the full second. The supply falls around that
+    // instant.
     for after in (1_019_820..1_019_920).step_by(2) {
         let mut node = warm.clone();
         run_dpr(&mut node, after * US);
@@ -131,7 +132,7 @@ fn a_supply_that_fails_while_the_dpr_logs_causes_no_panic() {
 fn ram_is_kept_above_1_4_v_and_lost_without_a_supply() {
     let Some(mut node) = boards::horus() else { return };
     run_horus(&mut node, 100 * MS);
-    // The bench clears the log's control block (one channel) at each start, as a debug probe does.
+    // The bench clears the control block of the log at each start, as a debug probe does.
     let block = usize::try_from(node.address_of("_SEGGER_RTT").unwrap() - 0x2000_0000).unwrap();
     let ram = |node: &Node<bench::boards::Horus>| {
         let mut bytes = vec![0; 192 << 10];
@@ -151,7 +152,7 @@ fn ram_is_kept_above_1_4_v_and_lost_without_a_supply() {
     assert!(lost(0) > 80 << 10);
 }
 
-/// Runs the link with `count` drawn courses of voltage, of either supply or of both. Returns their number.
+/// Runs the link with `count` sags of HORUS's supply, the DPR's, or both. Returns the number of sags.
 fn sagging(seed: u64, count: u64) -> Option<u64> {
     let images = Images { horus: image(3, "horus-tx-fw.elf")?, dpr: image(3, "dpr-fw.elf")? };
     let mut rng = Rng::stream(seed, 0x5A6);

@@ -20,15 +20,15 @@ const CYCLE: u64 = 63;
 const TICK: u16 = 16 + TIM2_INTERRUPT;
 const HIT: u16 = 16 + EXTI3_INTERRUPT;
 
-/// Returns a firmware with two tasks: `tick` runs every 10 ms for about 1 ms, and the more urgent `hit` runs at each
-/// rising edge of PA3.
+/// Returns a firmware with the task `tick`, which runs for about 1 ms every 10 ms, and the more urgent task `hit`,
+/// which runs at each rising edge of PA3.
 fn two_tasks() -> Node<Player> {
     two_tasks_with(0)
 }
 
 fn two_tasks_with(hit: u32) -> Node<Player> {
     let mut main = Thumb::at(MAIN);
-    // Interrupt 28 (TIM2) gets priority 0x80 in NVIC_IPR7. Interrupt 9 (EXTI3) gets its priority in NVIC_IPR2.
+    // NVIC_IPR7 gives TIM2 (interrupt 28) the priority 0x80, and NVIC_IPR2 gives EXTI3 (interrupt 9) its priority.
     main.exti3_on_pa3().store(0xE000_E41C, 0x80).store(0xE000_E408, hit << 8).tim2_every(160_000).idle();
     let mut tick = Thumb::at(HANDLER);
     tick.store(TIM2 + 0x10, 0).mov(0, 8_000);
@@ -59,7 +59,6 @@ fn task_changes_have_the_instants_of_exception_entry_and_return() {
         assert!(entered - rise <= 20 * CYCLE, "entered {} ns after its line", entered - rise);
         assert!((MS..MS + 100 * CYCLE).contains(&(left - entered)), "{} ns", left - entered);
     }
-    // The core is awake only during its start and at the three updates of the timer.
     let sleeps = node.take_sleeps();
     let asleep: Vec<bool> = sleeps.iter().map(|(_, asleep)| *asleep).collect();
     assert_eq!(asleep, [false, true, false, true, false, true, false, true]);
@@ -83,12 +82,11 @@ fn watching_tasks_changes_nothing_that_the_firmware_could_see() {
     assert_eq!(run(true), run(false));
 }
 
-/// The core changes from 16 MHz to 8 MHz. Earlier task changes keep instants by the earlier clock.
 #[test]
 fn task_changes_before_a_change_of_clock_keep_the_earlier_clocks_time() {
     let mut main = Thumb::at(MAIN);
     main.store(thumb::RCC, 1 << 18 | 1 << 16 | 0x83).wait_for(thumb::RCC, 17);
-    // The code executes SVC, changes the clock, and executes SVC again, within one millisecond.
+    // The code executes SVC, changes the clock from 16 MHz to 8 MHz, and executes SVC again.
     main.raw(&[0xDF00]).store(thumb::RCC + 0x08, 1).raw(&[0xDF00]).idle();
     let mut call = Thumb::at(HANDLER);
     call.count(COUNTER).ret();
@@ -112,7 +110,6 @@ fn an_image_says_by_its_handlers_names_which_exceptions_they_are() {
     assert_eq!((node.exceptions_of("TIM7"), node.exceptions_of("DefaultHandler_")), (vec![], vec![]));
 }
 
-/// Returns the values of all signals at each instant at which one of them changed.
 fn over_time(changes: Vec<TaskChange>) -> Vec<(u64, BTreeMap<String, u64>)> {
     let mut states: Vec<(u64, BTreeMap<String, u64>)> = vec![];
     let mut state = BTreeMap::new();
@@ -132,7 +129,7 @@ fn a_task_that_is_preempted_stays_entered_while_another_runs() {
     let mut watch = TaskWatch::new(&mut node, &TABLE);
     let named: Vec<_> = watch.tasks().iter().map(|task| (task.to_string(), task.exception)).collect();
     assert_eq!(named, [("tick_TIM2".to_owned(), TICK), ("hit_EXTI3".to_owned(), HIT)], "the image has no third");
-    // A first edge at PA3 comes while the task of the second tick runs, a second edge while the core sleeps.
+    // The first edge at PA3 comes during the second `tick`, and the second edge while the core sleeps.
     node.advance(20 * MS + MS / 2);
     assert_eq!([0, 3, HIT, TICK].map(|exception| node.exception_priority(exception)), [256, -1, 0, 0x80]);
     node.drive(IN, Some(true));
@@ -164,7 +161,7 @@ fn a_task_that_is_preempted_stays_entered_while_another_runs() {
     assert!((20_500_000..20_500_000 + 20 * CYCLE).contains(&preempted.0), "{preempted:?}");
 }
 
-/// Two exceptions of one priority cannot preempt each other. The second follows the first by tail-chaining.
+/// The second of two exceptions with one priority follows the first by tail-chaining.
 #[test]
 fn a_task_that_another_follows_by_tail_chaining_has_ended() {
     for table in [&TABLE[..], &TABLE[..1]] {
@@ -174,7 +171,7 @@ fn a_task_that_another_follows_by_tail_chaining_has_ended() {
         node.drive(IN, Some(true));
         node.advance(19 * MS);
         let states = over_time(watch.take(&mut node));
-        // The exception of a task that is missing in the table shows in the signal for other exceptions.
+        // An exception without a task in the table appears in the signal `..._other`.
         let hit = if table.len() == 1 { "Other" } else { "Entered(1)" };
         let entered: Vec<(u64, u64)> = states
             .iter()

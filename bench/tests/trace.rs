@@ -36,7 +36,7 @@ fn a_decoder_reads_each_spi_byte_back_from_the_waves() {
             ]);
             trace.finish().unwrap();
             let waves = waves::read(&file);
-            // The data are sampled at the rising or the falling edge of the clock, as a logic decoder does.
+            // Data are sampled at one edge of the clock, as by a logic analyser.
             let sampled = |group: &str, wire: &str, edge: &str| {
                 let data = changes(&waves, &format!("{group}.{group}_{wire}"));
                 let level = |at: u64| data.iter().take_while(|(when, _)| *when <= at).last().unwrap().1 == "1";
@@ -117,7 +117,6 @@ fn numbers_and_tasks_come_back_under_their_names() {
     }
 }
 
-/// The trace file has several blocks, and no change may be lost at their borders.
 #[test]
 fn a_long_trace_loses_nothing_between_the_blocks_of_its_file() {
     let [_, file] = files("long");

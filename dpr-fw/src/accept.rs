@@ -128,7 +128,6 @@ impl Verdict {
     }
 }
 
-/// Returns the number of a frame in its cycle: 0 for the frame with Reported-Position, otherwise 1.
 const fn frame_number(place: Place) -> usize {
     if place.first() == 0 {
         0
@@ -177,7 +176,6 @@ impl Early {
         self.advance::<N>(payload);
     }
 
-    /// Verifies the objects that are complete in `payload`, the bytes of the frame's payload that have arrived.
     fn advance<const N: usize>(&mut self, payload: &[u8]) {
         let places = (0..air::frames(N)).filter_map(Place::of_frame::<N>);
         let Some(place) = places.into_iter().find(|place| place.length() == usize::from(self.length)) else { return };
@@ -291,12 +289,10 @@ mod tests {
     use crate::commit::testing::{frames, profile};
     use proptest::prelude::*;
 
-    /// Returns the instant, µs, at which frame number `frame` ends if its cycle is sampled at `sampled_us`.
     fn end<const N: usize>(sampled_us: u64, frame: usize) -> u64 {
         sampled_us + u64::from(air::age_at_end_us::<N>(frame).expect("a frame of the cycle"))
     }
 
-    /// Judges frame number `frame` of the cycle with this timestamp, which was sampled at `sampled_us`.
     fn judge<const N: usize>(acceptance: &mut Acceptance<N>, timestamp: u32, frame: usize, sampled_us: u64) -> Verdict {
         let sent = profile::<N>(timestamp);
         let payload = air::split(&sent).nth(frame).expect("a frame of the cycle");

@@ -7,18 +7,18 @@
 //!
 //! - With up to three receivers a cycle is one frame, so each frame is published at once, even if all its objects were
 //!   rejected.
-//! - With five receivers the image is published with the cycle's second frame. Two frames belong together if their ends
-//!   give the same instant of the sample ([`accept::SAME_SAMPLE_US`](crate::accept::SAME_SAMPLE_US)), even if one of
-//!   them is damaged and its timestamp unknown; if both timestamps are known, they must be equal. The objects of the
-//!   first frame are published without the second when the second frame's deadline has passed
+//! - With five receivers the image is published with the cycle's second frame. Two frames belong to one cycle if their
+//!   ends give the same instant of the sample ([`accept::SAME_SAMPLE_US`](crate::accept::SAME_SAMPLE_US)). One of them
+//!   may be damaged, so that its timestamp is unknown. If both timestamps are known, they must be equal. The first
+//!   frame's objects are published alone when the second frame's deadline has passed
 //!   ([`link::SECOND_FRAME_US`](crate::link::SECOND_FRAME_US)), or when a frame arrives that does not belong to the
-//!   first. A second frame whose first was lost is published at once.
+//!   first. If the first frame was lost, the second is published at once.
 //! - While no frames come, each deadline publishes an image without objects, so that the last objects do not stay
 //!   readable.
 //!
-//! The deadline is an instant on the DPR's µs counter, counted from the end of the last frame. The task that a frame
-//! starts and the task that the timer starts do the same: they take in the frames that wait, call
-//! [`Commit::check_deadline`], and set the timer to [`Commit::deadline_us`]. A deadline that passed before a frame
+//! The deadline is an instant on the DPR's µs counter, counted from the end of the last frame. Two tasks do the same
+//! work: a frame starts the one, and the timer starts the other. Each takes in the frames that wait, calls
+//! [`Commit::check_deadline`], and sets the timer to [`Commit::deadline_us`]. A deadline that passed before a frame
 //! ended is handled before that frame, so the images do not depend on the order of the two tasks.
 //!
 
@@ -180,7 +180,8 @@ impl<const N: usize> Commit<N> {
         self.lapse(now_us, health, images)
     }
 
-    /// Copies Port-Status and the uplinks into the image. A call while a frame arrives saves work at the frame's end.
+    /// Copies Port-Status and the uplinks into the image being filled. A call while a frame arrives leaves less work
+    /// for the frame's end.
     pub fn prepare(&mut self, images: &mut impl Images) {
         if !self.port_placed {
             images.place_port::<N>();
@@ -218,7 +219,6 @@ impl<const N: usize> Commit<N> {
         &self.link
     }
 
-    /// Publishes an image if a deadline has passed by `until_us`, and returns whether one has.
     fn lapse(&mut self, until_us: u32, health: &Health, images: &mut impl Images) -> bool {
         let Some(lapse) = self.monitor.lapse(until_us) else { return false };
         self.link.missed(lapse.missed);

@@ -61,8 +61,8 @@ impl<const N: usize> Intake<N> {
 
     /// Serves a call of the task `commit` or `deadline`. It publishes the first image at the first call, takes in the
     /// frames that wait, checks the deadline, and withdraws an image that the idle loop found damaged. Then it sets the
-    /// timer and begins the next image. Returns whether there was any such work; otherwise it prepares an image at
-    /// most.
+    /// timer and begins the next image. Returns whether there was any of this work. Without such work, it prepares an
+    /// image at most.
     pub fn serve<B, I, M, D, S>(
         &mut self,
         rotation: impl Mutex<T = Rotation<B, FrameInfo>>,

@@ -226,7 +226,7 @@ impl Integrity {
         }
     }
 
-    /// Whether the last pass found flash changed, so that images must have no objects.
+    /// Whether the last pass found flash changed. If so, images must have no objects.
     #[must_use]
     pub fn flash_fault(&self) -> bool {
         self.flash_fault.load(Ordering::Relaxed)
@@ -254,7 +254,7 @@ impl Integrity {
     pub fn take_result(&self) -> Option<bool> {
         let state = self.self_test.load(Ordering::Relaxed);
         let ended = state == PASSED || state == FAILED;
-        // If a self-test was requested after the load, this compare-and-exchange fails, so that the request is kept.
+        // If a self-test was requested after the load, this compare-and-exchange fails, so the request is kept.
         let taken = ended && self.self_test.compare_exchange(state, NONE, Ordering::Relaxed, Ordering::Relaxed).is_ok();
         taken.then_some(state == PASSED)
     }
@@ -355,8 +355,7 @@ impl Judge {
             }
         }
         self.end_self_test(integrity);
-        // If a slice has several findings, the consequence of the last one here is returned, so the most severe ones
-        // come last.
+        // If a slice has several findings, the one that is evaluated last counts. So the most severe ones come last.
         if let Some(address) = slice.code {
             consequence = Consequence::Stop(Cause::CodeInRam, address);
         }
@@ -369,8 +368,7 @@ impl Judge {
     fn end_self_test(&mut self, integrity: &Integrity) {
         let SelfTest { flash: Some(flash), ram: Some(ram) } = self.self_test else { return };
         let result = if flash && ram { PASSED } else { FAILED };
-        // If another self-test was requested meanwhile, this compare-and-exchange fails, so that the new request is
-        // kept.
+        // If another self-test was requested meanwhile, this compare-and-exchange fails, so the new request is kept.
         let _ = integrity.self_test.compare_exchange(RUNNING, result, Ordering::Relaxed, Ordering::Relaxed);
     }
 }

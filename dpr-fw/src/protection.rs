@@ -9,7 +9,7 @@
 //! | 0x2001_0000 to 256 KiB | RAM: stack, statics and free memory | read, write | read, write |
 //! | 0x4000_0000, 0x5000_0000 | peripherals | all | those of `board.rs` that tasks use |
 //!
-//! *Null page*: this page is shut, so that an access through a null pointer is a fault. The processor fetches vectors
+//! *Null page*: this page is shut, so an access through a null pointer is a fault. The processor fetches vectors
 //! without the memory protection unit, and so does the code that verifies flash (`firmware_common::memory::load_shut`).
 //!
 //! *Stack*: it grows down from the statics (flip-link) to 0x2001_0000. An overflow violates the memory protection.
@@ -82,8 +82,8 @@ pub const TASKS: Table<8> = Table::new([
     // The three open eighths are those of TIMER0 to TIMER2.
     Region::new("timers", 0x4000_8000, 32 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([true, true, true, false, false, false, false, false]),
-    // The open eighths, of 8 KiB each, are that of WDT and RTC1 and that of TIMER3 and TIMER4. With the feature `hold`
-    // that of EGU2 and EGU3 is open as well.
+    // The accessible subregions, of 8 KiB each, hold WDT and RTC1, and TIMER3 and TIMER4. With the feature `hold`, the
+    // subregion with EGU2 and EGU3 is accessible as well.
     Region::new("watchdog and pause", 0x4001_0000, 64 * KIB, Memory::Peripheral, Allowed::ReadWrite).only([
         true,
         false,

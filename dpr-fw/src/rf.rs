@@ -8,8 +8,9 @@
 //! this function too, so that a lost edge of the IRQ pin is made up for.
 //!
 //! A FIFO read returns a meaningless byte before the data. The port receives that byte just before the place of the
-//! data: at the first read of a frame this is the last of the [`LEAD`] bytes, later the last byte of the previous read,
-//! which the port saves and restores. So a frame's bytes are contiguous without being copied.
+//! data. At the first read of a frame it overwrites the last of the [`LEAD`] bytes. At later reads it overwrites the
+//! last byte of the previous read, which the port saves and restores. So a frame's bytes are contiguous without being
+//! copied.
 //!
 //! # Buffers
 //!
@@ -38,9 +39,10 @@ use crate::{
 pub const LEAD: usize = 3;
 const _: () = assert!((LEAD + PAYLOAD_OFFSET).is_multiple_of(4));
 
-/// How long the chip is left alone after a frame, µs: the commit takes 50 µs. The next sync comes at least 0.45 ms
-/// after the end of a frame (0.30 ms between two frames of a cycle, 0.15 ms of preamble and sync). Before it, reading
-/// takes 0.26 ms at worst (store-and-forward) and re-arming 0.03 ms. Only the read-back of a setting may last longer.
+/// How long the chip is left alone after a frame, µs; the commit takes 50 µs. The next sync comes at least 0.45 ms
+/// after a frame's end (0.30 ms between two frames of a cycle, 0.15 ms of preamble and sync). Until then the rest of
+/// the frame is read (0.26 ms at worst, with store-and-forward) and the receiver is re-armed (0.03 ms). Only the
+/// read-back of a setting may last longer.
 pub const RESUME_AFTER_US: u32 = 80;
 
 /// The hardware that the executor needs, and the receive buffer that is being written.

@@ -87,10 +87,10 @@ impl<const LEN: usize> Windows<LEN> {
     }
 }
 
-/// The pause after the end of a transaction, µs, in which the end of another does not call the SSI task. It is longer
-/// than the time from a frame's last bit to its image with one run of the SSI task in it (docs/timing.md#sums). It is
-/// shorter than the least time between the ends of two transactions of 96 bytes ([`ssi::timing::SPACING_NS`]) less the
-/// time in which the first of them is served.
+/// The pause after the end of a transaction, µs, in which the end of another transaction does not call the SSI task. It
+/// is longer than the time from a frame's last bit to its image, even if the SSI task runs once in that time
+/// (docs/timing.md#sums). The pause begins when the SSI task has served a transaction. It is over before another
+/// transaction of 96 bytes can end with the least spacing ([`ssi::timing::SPACING_NS`]).
 pub const PAUSE_US: u32 = 95;
 
 // Shows WAY-4.
@@ -131,9 +131,10 @@ impl Budget {
     }
 }
 
-/// Decides when the SSI task is called only to check in: if no transaction has called it for a cycle. During a
-/// transaction it is not called, since that might delay the transaction's end, but only for [`SignOfLife::MOST`]
-/// cycles: a flight controller that never deselects the DPR must not make the watchdog reset it.
+/// Decides when the SSI task is called only to check in, because no transaction has called it for a cycle. A
+/// transaction in progress postpones the call, which might delay the transaction's end. It does so for at most
+/// [`SignOfLife::MOST`] cycles, because a flight controller that never deselects the DPR must not make the watchdog
+/// bite.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SignOfLife {
     transactions: u32,

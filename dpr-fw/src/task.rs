@@ -23,9 +23,9 @@ pub mod hold {
 
 impl Task {
     /// Whether only another task, or the task's own timer, calls this task. If such a task runs without a call, the DPR
-    /// stops ([`firmware_common::calls`]). Every other task asks its hardware or its queue what there is to do, and
-    /// does nothing if there is nothing. How often it runs depends on who sends frames or reads the DPR, and must not
-    /// make the DPR stop.
+    /// stops ([`firmware_common::calls`]). Every other task asks its hardware or its queue for work, and does nothing
+    /// if there is none. How often such a task runs depends on who sends frames or reads the DPR, so it must not make
+    /// the DPR stop.
     #[must_use]
     pub const fn is_step(self) -> bool {
         matches!(self, Self::deadline | Self::scrub | Self::port)

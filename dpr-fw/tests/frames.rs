@@ -51,10 +51,9 @@ struct World {
     now: u64,
     air: VecDeque<(u64, AirEvent)>,
     transfer: Option<Transfer>,
-    /// Whether SPIM0 hangs, so that started transfers never end.
+    /// Whether SPIM0 hangs. If so, started transfers never end.
     stuck: bool,
     irq: bool,
-    /// The instant at which the IRQ pin rose last, ns.
     irq_rose_ns: u64,
     rises_in_status_reads: u32,
 }
@@ -92,7 +91,6 @@ impl World {
         }
     }
 
-    /// Sends a frame whose first bit is on the air at instant `at`, ns.
     fn send(&mut self, at: u64, payload: &[u8], damage: impl FnOnce(&mut [u8])) {
         let mut data = vec![payload.len() as u8 + 1];
         data.extend(payload);
@@ -353,7 +351,6 @@ impl<const N: usize> Dpr<N> {
         }
     }
 
-    /// Makes the calls that the RFID, commit and scrub tasks make, one task after the other.
     fn serve(&mut self) {
         let Self { world, receiver, rotation, front_end, front_ends, commit, album, telemetry, commit_waits } = self;
         let called = receiver.serve::<N>(Own(rotation), Own(front_end), telemetry) != Call::None;
@@ -461,7 +458,7 @@ fn no_transfer_reaches_the_chip_for_its_rest_time_after_a_frame() {
     let (frame_ns, _) = dpr.album.published[4];
     let rest_ns = u64::from(RESUME_AFTER_US) * 1_000;
     for later_ns in (1_000..rest_ns).step_by(1_000) {
-        // Each step calls the RFID task a second time, as a check-in or an edge that is reported twice does.
+        // Each step calls the RFID task once more, like a check-in or an IRQ edge that is reported twice.
         dpr.run_to(frame_ns + later_ns);
         assert!(dpr.world.borrow().transfer.is_none(), "{later_ns} ns after the frame");
     }
@@ -499,8 +496,7 @@ fn early_without<const N: usize>(missing: usize) -> Vec<Early> {
 
 #[test]
 fn all_but_a_frames_last_bytes_are_verified_while_it_arrives() {
-    // The bytes that arrive after the third read has begun are read at the frame's end. Two of those bytes are the
-    // CRC-16.
+    // The bytes that arrive after the third read has begun, the CRC-16 included, are read only at the frame's end.
     assert_eq!(verified_early::<1>(ReadMode::WhileFilling), early_without::<1>(TAIL - 2));
     assert_eq!(verified_early::<3>(ReadMode::WhileFilling), early_without::<3>(TAIL - 2));
     assert_eq!(verified_early::<5>(ReadMode::WhileFilling), early_without::<5>(TAIL - 2));
@@ -642,9 +638,8 @@ fn a_missing_field_is_told_from_air_that_loses_frames() {
 
 #[test]
 fn a_frame_that_ends_during_a_status_read_keeps_its_instant() {
-    // A damaged LEN shifts the listener's timed status reads by whole bytes. A wrong bit rate shifts the frame's end
-    // between those reads. So some status reads find the frame's end although the listener does not wait for the IRQ
-    // pin.
+    // A damaged LEN moves the listener's status reads by whole bytes. A wrong bit rate moves the frame's end relative
+    // to these reads. So with some combinations a status read finds that the frame has ended.
     let mut met = 0;
     for (more, slow) in (4..=12).flat_map(|more| (0..10).map(move |slow| (more, slow))) {
         let mut dpr = Dpr::<1>::in_sequence(ReadMode::WhileFilling);
@@ -706,7 +701,6 @@ fn a_front_end_that_hears_nothing_says_so_until_a_frame_comes() {
         dpr.run_to(silent_from + 600_000_000);
         let silence = FrontEnd::Lost(Fault::Silence { field });
         assert_eq!((dpr.front_end, dpr.telemetry.rf_silences.get()), (silence, 1), "field: {field}");
-        // Without a field, the silence is no fault of the front end.
         assert_eq!((silence.is_out_of_order(), silence.senses_no_field()), (field, !field));
         dpr.run_to(silent_from + 1_700_000_000);
         assert_eq!((dpr.front_end, dpr.telemetry.rf_silences.get()), (silence, 2), "field: {field}");

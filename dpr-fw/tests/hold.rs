@@ -45,14 +45,12 @@ struct Transfer {
 }
 
 impl Transfer {
-    /// Returns the time at which the transfer's next byte ends.
     fn next(&self) -> Option<u64> {
         let done = self.miso.len() as u64;
         (self.miso.len() < self.mosi.len()).then(|| self.start + (done + 1) * BYTE_NS)
     }
 }
 
-/// The chip, its wires, and the frames on the air.
 struct World {
     chip: Chip,
     now: u64,
@@ -123,7 +121,6 @@ struct SimPort {
     response: Vec<u8>,
     timer: u64,
     answer: Vec<u8>,
-    /// The time at which the timer starts the transfer that is armed.
     armed: Option<u64>,
     resting: bool,
     broken: bool,
@@ -396,7 +393,6 @@ impl Dpr {
         self.world.borrow().now
     }
 
-    /// Returns the answers that were sent since the last call.
     fn answers(&self) -> Vec<(u64, Vec<u8>)> {
         std::mem::take(&mut self.world.borrow_mut().answers)
     }
@@ -415,7 +411,6 @@ fn object(timestamp: u32) -> HoldStatus {
     HoldStatus::seal(Writer::<ActiveLoad>::claim(), &HoldValues::absent(timestamp))
 }
 
-/// Returns the payload of an answer. Panics if its CRC-16 is wrong.
 fn payload((_, data): &(u64, Vec<u8>)) -> &[u8] {
     let (frame, crc) = data.split_at(data.len() - 2);
     assert_eq!((crc, usize::from(frame[0])), (&nfc_f(frame)[..], frame.len()));
@@ -452,7 +447,7 @@ fn a_frame_is_read_after_its_end_in_few_calls() {
     let mut dpr = Dpr::new();
     let before = dpr.calls;
     dpr.is_answered(100);
-    // A frame that is read while it arrives takes a third more.
+    // The driver reads the frame only after its end, which takes fewer calls than reading it while it arrives.
     assert!(dpr.calls - before <= 25, "{} calls", dpr.calls - before);
 }
 
@@ -463,7 +458,7 @@ fn a_frame_that_is_given_up_leaves_a_clean_buffer() {
         let buffer = dpr.responder.port().buffer.as_mut().expect("the buffer is here");
         std::mem::replace(&mut buffer.memory()[0], word)
     };
-    // A word of a frame that was read in part.
+    // The receive buffer holds a word of a frame that was read only in part.
     first(&mut dpr, 0x5A5A_5A5A);
     let scrubs = dpr.telemetry.scrubs.get();
     dpr.send(&[]);
@@ -529,7 +524,7 @@ fn frames_at_every_opportunity_are_served_within_the_budget() {
     let most = windows * (Budget::CALLS + 1) + ((at - begin) / CHECK_IN) as u32;
     assert!(windows > 5 && dpr.calls - before <= most, "{} calls in {windows} windows", dpr.calls - before);
     assert!(dpr.telemetry.rests.get() + 1 >= windows && dpr.telemetry.calls_most.get() <= Budget::CALLS);
-    // The call that uses the budget up may still begin one transfer, at most of a whole frame.
+    // The call that uses the budget up may begin one more transfer, of a whole frame at most.
     assert!(dpr.telemetry.bytes_most.get() < Budget::BYTES + 258);
     dpr.answers();
     dpr.run_to(at + 200 * MS);

@@ -39,8 +39,8 @@ impl<T: Task> Calls<T> {
         Self { made: [const { AtomicBool::new(false) }; MOST], tasks: PhantomData }
     }
 
-    /// Marks that `task` is called; its interrupt becomes pending next. The callers must have a higher priority than
-    /// `task`, so that it does not begin in between; a caller of a lower priority must be the only one.
+    /// Marks that `task` is called; its interrupt becomes pending next. In between, `task` must not begin. So the
+    /// callers must have a higher priority than `task`; a caller of a lower priority must be the only caller.
     #[inline(always)]
     pub fn make(&self, task: T) {
         if let Some(made) = self.made.get(task.number() as usize) {
@@ -92,10 +92,10 @@ mod tests {
         assert!(!calls.take(Two::Scrub, || false));
     }
 
-    /// A task that is called at any instant of its beginning finds a mark in each of its runs.
     #[test]
     fn a_call_while_the_task_begins_marks_its_next_run() {
-        // The call comes before the mark is read, or between that and the look at the interrupt.
+        // The task is called again before it has read its mark, or after that but before it queries the pending
+        // interrupt.
         let calls = Calls::new();
         calls.make(Two::Port);
         calls.make(Two::Port);

@@ -67,8 +67,8 @@ macro_rules! task_vectors {
             cortex_m::peripheral::NVIC::is_pending(TASK_VECTORS[task as usize])
         }
 
-        /// Returns the name of the task with this exception number, which is that of its interrupt plus 16 (ARMv7-M ARM
-        /// B1.5.2).
+        /// Returns the name of the task with this exception number: the number of the task's interrupt plus 16 (ARMv7-M
+        /// ARM B1.5.2).
         pub(crate) fn task_of(exception: u16) -> &'static str {
             let is_its = |vector: &Interrupt| *vector as u16 + 16 == exception;
             let task = TASK_VECTORS.iter().position(is_its).and_then(|index| TASKS.get(index));

@@ -2,27 +2,28 @@
 //!
 //! # Design
 //!
-//! What a task keeps in RAM has no CRC until it is sent. The test of the RAM ([`patrol`](crate::patrol)) does not find
-//! a bit that flips once, since it inverts what it finds and the next write takes the flip away. [`Checked`] has a
-//! check word over the memory of such a state. The word is computed anew after each change, and compared before each
-//! change and wherever the owner asks.
+//! A state that a task keeps in RAM has no CRC until it is sent. The [test of the RAM](crate::patrol) finds bits that
+//! are stuck, but not a bit that flips once. So [`Checked`] keeps a check word over the memory of such a state. The
+//! word is computed anew after each change, and compared before each change and wherever the owner asks.
 //!
-//! **Check word.** Each word of memory is added to the sum, rotated by one bit. Any change of one word alone, and so
-//! any flipped bit, changes the sum. Changes of several words at once are missed in one case of 2^32 on average, since
-//! the sum has no bound on the distance that a CRC has; in return a word costs about 4 cycles and not 20.
+//! **Check word.** The check word is a sum: each word of memory is added to the sum so far, which is rotated by one
+//! bit. Any change of a single word, and so any flipped bit, changes the sum. Changes of several words at once are
+//! missed in one case of 2^32 on average. A CRC would detect more of them, but costs about 20 cycles a word instead of
+//! 4.
 //!
 //! **Memory, not fields.** The sum covers the bytes of the state as they lie in memory, with the gaps between fields.
-//! So it needs no code for each field, and covers private fields of other crates. A move may change the gaps: a state
-//! that was made but never changed, and is perhaps still to be moved to its place, has no check word yet.
+//! So it needs no code for each field, and covers private fields of other crates. A move of the state may change the
+//! gaps. So a state has no check word before its first change, because it may still be moved to its place until then.
 //!
-//! Only the processor may write the state, and only through [`Checked`]. It must not be moved after its first change.
+//! Only the processor may write the state, and only through [`Checked`]. The state must not be moved after its first
+//! change.
 
 /// A state with its check word.
 #[derive(Debug)]
 #[repr(C)]
 pub struct Checked<T> {
     state: T,
-    /// The sum and its complement. Both are 0 until the first change, which no flipped bit makes of a sum.
+    /// The check word and its complement. Both are 0 before the first change; a flipped bit cannot produce such a pair.
     check: [u32; 2],
 }
 
@@ -57,8 +58,8 @@ impl<T> Checked<T> {
         &self.state
     }
 
-    /// Verifies the state, changes it by `change`, and computes its check word anew. Returns what `change` returns, or
-    /// `None` without calling it if the state is not intact.
+    /// Verifies the state, changes it by `change`, and computes its check word anew. Returns what `change` returns. If
+    /// the state is not intact, returns `None` and does not call `change`.
     pub fn change<R>(&mut self, change: impl FnOnce(&mut T) -> R) -> Option<R> {
         if !self.is_intact() {
             return None;

@@ -6,12 +6,12 @@
 //! its turn: an interrupt that nothing has called for, a timer whose registers have changed, a task that was left out.
 //! No independent watchdog of these parts has a window, so the firmware itself compares order and time.
 //!
-//! A firmware lists the *steps* of its cycle in their order ([`Step::TABLE`]). Each step has a counter of its runs.
-//! When a step begins, each step that has to come before it has run once more than the step itself; one that stands
-//! later in the table belongs to the cycle before, and has run as often. A step that a timer calls also has a *time*:
-//! it is due so long after the last such step was due, and may begin neither early nor late by more than a bound. The
-//! time comes from a counter that does not depend on that timer. Since it counts from when the step before was due, and
-//! not from when that began, a timer that is a little wrong is found after some cycles.
+//! A firmware lists the *steps* of its cycle in their order ([`Step::TABLE`]), and counts the runs of each step. A step
+//! may begin if every step that must precede it has run once more than itself. A preceding step that stands later in
+//! the table belongs to the previous cycle, and has run as often. A step that a timer calls also has a *time*: how long
+//! after the previous timed step it is due, with bounds for early and late. A counter that does not depend on that
+//! timer measures this time, from the instant at which the previous step was due. So a timer that is slightly wrong is
+//! found after some cycles.
 //!
 //! Only the task of a step writes the step's counter, so no lock is needed, and the check takes the same time whatever
 //! it finds. A firmware that learns of a wrong step stops at once: it enters its safe state, in which nothing feeds the
@@ -25,7 +25,7 @@ use core::{
 /// What has to be true when a step begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rule {
-    /// The indices of the steps that have run since this step last began.
+    /// The indices of the steps that must have run since this step last began.
     pub after: &'static [usize],
     /// The time from when the last step with a time was due until this one is due, in counts of the firmware's counter;
     /// `None` if the time does not matter. A step that begins for the first time is due just then.
@@ -71,8 +71,8 @@ impl<S: Step> Flow<S> {
         Self { runs: [const { AtomicU32::new(0) }; MOST], due: AtomicU32::new(0), steps: PhantomData }
     }
 
-    /// Records that `step` begins. Returns whether it is its turn. `now` returns the firmware's counter, which wraps at
-    /// 2^32; it is called if the step has a time. The steps with a time must belong to one task.
+    /// Records that `step` begins. Returns whether it is the step's turn. `now` returns the firmware's counter, which
+    /// wraps at 2^32; it is called if the step has a time. The steps with a time must belong to one task.
     #[inline(always)]
     #[must_use = "a firmware whose steps are out of order has to stop"]
     pub fn begin(&self, step: S, now: impl FnOnce() -> u32) -> bool {
@@ -100,7 +100,7 @@ impl<S: Step> Flow<S> {
 mod tests {
     use super::*;
 
-    /// A cycle of 100 counts: a slot 30 counts after the tick, and a task of each.
+    /// The steps of a cycle of 100 counts: a tick, a slot 30 counts later, and a task after each of them.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     enum Four {
         Tick,
@@ -152,7 +152,7 @@ mod tests {
             for (step, now) in ALL.into_iter().zip([0, 1, 30, 31]) {
                 steps.push((step, now));
                 if step == twice {
-                    // Its time has passed again, so only the order is wrong.
+                    // The repeated step begins at the right time, so only the order is wrong.
                     steps.push((step, now + if step == Four::Tick { 70 } else { 30 }));
                     assert_eq!(first_wrong(&steps), Some(steps.len() - 1), "{twice:?}");
                     break;

@@ -202,7 +202,7 @@ impl Stop {
     }
 
     /// Returns the stop of a fault in the handler of `exception`. `frame` is the link register and the program counter
-    /// that the processor has stacked; `None` if it could not.
+    /// that the processor has stacked; `None` if it could not stack them.
     #[must_use]
     pub fn of_fault(status: FaultStatus, frame: Option<(u32, u32)>, exception: u16) -> Self {
         let (lr, pc) = frame.unwrap_or((0, 0));
@@ -271,8 +271,8 @@ fn check_word(words: &[u32; WORDS]) -> u32 {
 
 fn fault_in_words(cause: Cause, cfsr: u32) -> &'static str {
     let bits: &[(u32, &str)] = match cause {
-        // The bit for a refused access comes before the bit for a failed entry to the handler, which may be its
-        // consequence.
+        // The bit for a refused access comes before the bit for a failed entry to the handler, because the refused
+        // access may have made the entry fail.
         Cause::MemoryProtection => {
             &[(0, "execution"), (1, "data access"), (4, "exception entry"), (3, "exception return"), (5, "FPU state")]
         }

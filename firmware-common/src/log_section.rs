@@ -7,9 +7,9 @@
 //! deadlines. In these firmwares only the idle loop and the start-up code log. They run in thread mode, and no
 //! interrupt handler enters a critical section, so two sections never overlap although no interrupt is masked.
 //!
-//! The exception is a handler that stops the firmware and never returns. If it has interrupted a message
-//! ([`is_interrupted`]), [`safe_state`](crate::safe_state) logs none, since the logger would panic. In handler mode all
-//! interrupts are masked as usual.
+//! One case is an exception: a handler that stops the firmware and never returns. If it has interrupted a message
+//! ([`is_interrupted`]), [`safe_state`](crate::safe_state) logs no message of its own, since the logger would panic. In
+//! handler mode all interrupts are masked as usual.
 
 /// Whether the caller, a handler, has interrupted a message that thread mode was writing. Without the feature
 /// `log-section` this is always false, since no interrupt can come while a message is written.

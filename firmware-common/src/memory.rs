@@ -2,7 +2,7 @@
 //!
 //! The addresses come from symbols of the linker script. Loads are instructions in assembly, because Rust's references
 //! would not be allowed. On the nRF52840 flash begins at address 0, to which no reference may point. Also other tasks
-//! or a bit flip may change a word, which must not be undefined behaviour.
+//! or a bit flip may change a word. Such a change must not be undefined behaviour.
 #![allow(unsafe_code)]
 
 use core::{arch::asm, ops::Range};
@@ -65,8 +65,9 @@ pub(crate) fn sum(range: Range<u32>) -> u32 {
 
 /// Returns the word at `address` of flash, even if the memory protection unit denies access to it.
 ///
-/// The load is made under FAULTMASK, where the unit does not apply (MPU_CTRL.HFNMIENA = 0, ARMv7-M ARM B3.5.5) and only
-/// NMI can interrupt. The barrier makes sure that the load is made at the raised priority (B5.2.1).
+/// The load is made under FAULTMASK, where the memory protection unit does not apply (MPU_CTRL.HFNMIENA = 0, ARMv7-M
+/// ARM B3.5.5) and only NMI can interrupt. The barrier makes sure that the load is made at the raised priority
+/// (B5.2.1).
 #[must_use]
 pub fn load_shut(address: u32) -> u32 {
     let word: u32;

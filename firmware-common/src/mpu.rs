@@ -155,7 +155,7 @@ impl Region {
 pub struct Table<const N: usize>([Region; N]);
 
 impl<const N: usize> Table<N> {
-    /// The number of regions of the Cortex-M4's unit (TRM, chapter 5).
+    /// The number of regions of the Cortex-M4's memory protection unit (TRM, chapter 5).
     const MOST: usize = 8;
 
     /// Returns a table of regions. Where regions overlap, the later one decides.
@@ -186,8 +186,8 @@ impl<const N: usize> Table<N> {
         })
     }
 
-    /// Returns the name of the region that decides about `address`. Otherwise returns the name of one that spans the
-    /// address with that eighth shut, or else "an address where nothing is".
+    /// Returns the name of the region that decides about `address`. If no region does, returns the name of a region in
+    /// whose shut eighth the address lies, or else "an address where nothing is".
     #[must_use]
     pub fn name_of(&self, address: u32) -> &'static str {
         let mut regions = self.0.iter().rev();
@@ -201,8 +201,8 @@ impl<const N: usize> Table<N> {
 #[cfg(target_os = "none")]
 #[allow(unsafe_code)]
 pub fn apply<const N: usize>(unit: &mut cortex_m::peripheral::MPU, table: &Table<N>) {
-    /// MPU_CTRL: the unit is on, but off in HardFault and NMI, and an address that no region opens is shut (ARMv7-M ARM
-    /// B3.5.5).
+    /// The value of MPU_CTRL: the unit is on, except in HardFault and NMI, and an address that no region opens is shut
+    /// (ARMv7-M ARM B3.5.5).
     const ENABLE: u32 = 1;
     off();
     for number in 0..Table::<N>::MOST as u32 {
@@ -221,7 +221,7 @@ pub fn apply<const N: usize>(unit: &mut cortex_m::peripheral::MPU, table: &Table
     cortex_m::asm::isb();
 }
 
-/// Switches the unit off for the safe state, which needs peripherals that tasks must not use.
+/// Switches the memory protection unit off for the safe state, which needs peripherals that tasks must not use.
 #[cfg(target_os = "none")]
 #[allow(unsafe_code)]
 pub fn off() {

@@ -8,7 +8,7 @@
 //! firmware verifies the CRC before its work starts. The program with its CRC is a codeword, so every burst of up to 32
 //! wrong bits is found, and other damage except in one case of 2^32.
 //!
-//! If the build has written no CRC, its word is 0xFFFFFFFF, and the program does not pass.
+//! If the build has written no CRC, the word for the CRC is 0xFFFFFFFF, and the program does not pass.
 
 #[cfg(target_os = "none")]
 use crate::memory;
@@ -43,8 +43,8 @@ impl Comparison {
     }
 }
 
-/// Compares the CRC of the running program, which takes about 14 processor cycles a byte. To be called before the
-/// memory protection unit denies access to the vector table.
+/// Compares the CRC of the running program. This takes about 14 processor cycles a byte. To be called before the memory
+/// protection unit denies access to the vector table.
 #[cfg(target_os = "none")]
 #[must_use]
 pub fn compare() -> Comparison {

@@ -13,12 +13,12 @@
 //! Both parts collect their reset flags until the flags are cleared. Because they are cleared first, the flags of an
 //! earlier start are never still set when the watchdog resets the part. [`RESET_FLAGS`] keeps the flags that were read.
 //!
-//! No RAM except [`RESET_FLAGS`] is used before `__prepare_memory`, which is reached by a branch with the reset
-//! handler's return address still in the link register. It [tests](crate::start_test) the RAM. With the feature `hot`
-//! it copies the section `.hot` to where its code runs (`dpr-fw/hot.x`). On the nRF52840 that section is fetched at
-//! 0x0080_0000 and written at 0x2000_0000, the data address of the same bytes (PS v1.7, 4.2). The copy is assembler
-//! too, since a compiler may call the section's own `memcpy`. Barriers after the copy make sure that all is stored
-//! before an instruction is fetched from there (ARMv7-M ARM, A3.8).
+//! No RAM except [`RESET_FLAGS`] is used before `__prepare_memory`. `__pre_init` ends with a plain branch to it, so it
+//! returns to the reset handler. It [tests](crate::start_test) the RAM. With the feature `hot` it copies the section
+//! `.hot` to where its code runs (`dpr-fw/hot.x`). On the nRF52840 that section is fetched at 0x0080_0000 and written
+//! at 0x2000_0000, the data address of the same bytes (PS v1.7, 4.2). The copy is assembler too, since a compiler may
+//! call the section's own `memcpy`. Barriers after the copy make sure that all is stored before an instruction is
+//! fetched from there (ARMv7-M ARM, A3.8).
 
 use core::sync::atomic::{AtomicU32, Ordering};
 

@@ -37,8 +37,8 @@
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
-/// The word that the test stores at its end, combined by exclusive or with the address of the block of 32 bytes in
-/// which a fault was found. No block begins at 0.
+/// The word that the test stores at its end if it found no fault. Otherwise it stores this word combined by exclusive
+/// or with the address of the faulty block of 32 bytes. No block has the address 0.
 pub const TESTED: u32 = 0x4D61_7263;
 
 #[cfg_attr(target_os = "none", allow(unsafe_code))] // The attributes name symbol and section, which are not checked.
@@ -67,7 +67,7 @@ impl Outcome {
         }
     }
 
-    /// Returns the address of the fault; 0 if the memory was not tested, `None` if it is sound.
+    /// Returns the address of the fault; 0 if the memory was not tested, `None` if the memory is sound.
     #[must_use]
     pub const fn fault(self) -> Option<u32> {
         match self {

@@ -1,4 +1,4 @@
-//! Controls the temperature of the box with a heater and a cooler, of which at most one works at a time.
+//! Controls the temperature of the box with a heater and a cooler. At most one of them works at a time.
 //!
 //! # Design
 //!
@@ -150,7 +150,6 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Draws an ordinary temperature, any number, NaN or `None`, each equally often.
     fn any_celsius() -> impl Strategy<Value = Option<f32>> {
         prop_oneof![
             (-60.0_f32..130.0).prop_map(Some),
@@ -164,7 +163,7 @@ mod tests {
         // Shows HOLD-9.
         #[test]
         fn no_sequence_of_inputs_breaks_a_limit(
-            // An input lasts for up to 4 s, since the output needs 3.6 s from one limit to the other.
+            // Each input of the test lasts for up to 4 s, because the output needs 3.6 s from one limit to the other.
             steps in prop::collection::vec((any_celsius(), any::<bool>(), prop::num::f32::ANY, 1_usize..40), 1..60)
         ) {
             let mut climate = Climate::new(f32::NAN);
@@ -225,8 +224,8 @@ mod tests {
         assert_eq!(climate.output(), 0.8);
         let end = record[record.len() - 1];
         assert!(climate.set(2.0));
-        // In warmer air the output must leave its limit within a minute, although the integral had long been at its
-        // end.
+        // In warmer air the output must leave its limit within a minute, although the integral was at its own limit for
+        // a long time.
         let _ = flown(&mut climate, end.max(8.0), 20.0, 60);
         assert!(climate.output() < 0.0, "{}", climate.output());
     }
@@ -248,7 +247,8 @@ mod tests {
             (0..10).for_each(|_| _ = climate.step(Some(celsius), true));
             climate.output()
         };
-        // An error of 1 K for 1 s: 0.2 and 0.002. An error of 0.09 K only changes the integral.
+        // An error of 1 K for 1 s gives a proportional part of 0.2 and an integral of 0.002. An error of 0.09 K is in
+        // the dead band, so it only changes the integral.
         for (celsius, expected) in [(19.0, 0.202), (21.0, -0.202), (19.91, 0.000_18), (20.09, -0.000_18)] {
             let output = after_10_steps(celsius);
             assert!((output - expected).abs() < 1e-6, "{output} at {celsius}");

@@ -52,9 +52,10 @@ impl Ticket {
 
 /// The hardware that a [`Link`] uses: the executor's port, with the frame, the answer and the ticket.
 pub trait FrontEndPort: executor::Port {
-    /// Sets the bytes of the next frame to load. It is never called during a load.
+    /// Sets the bytes of the next frame to load. This is never called during a load.
     fn deposit(&mut self, frame: &[u8; HoldObject::SIZE]);
-    /// Hands a ticket to the slot's interrupt. Until that interrupt has taken the ticket, only it uses the SPI.
+    /// Hands a ticket to the slot's interrupt. From then on only that interrupt uses the SPI, until it has taken the
+    /// ticket.
     fn arm(&mut self, ticket: Ticket);
     /// Takes the ticket back. Returns false if the slot's interrupt has taken the ticket already.
     fn disarm(&mut self) -> bool;
@@ -62,10 +63,9 @@ pub trait FrontEndPort: executor::Port {
     fn answer(&self, len: usize) -> &[u8];
 }
 
-/// The event for which the link's state machine waits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Turn {
-    /// A transfer or a delay has to end, which the executor handles.
+    /// A transfer or a delay has to end. The executor handles that end.
     Executor,
     /// [`Link::offer`] has to be called: the chip is prepared, and there is no frame to send.
     Cycle,
@@ -152,22 +152,20 @@ impl<'a, P: FrontEndPort> Link<'a, P> {
         self.executor.port()
     }
 
-    /// Makes the state machine take a step, and handles the events that follow.
     fn go_on(&mut self, take: impl FnOnce(&mut Exchange) -> Step<ExchangeEvent>) {
         self.turn = Turn::Executor;
         let event = self.executor.go_on(take);
         self.serve(event);
     }
 
-    /// Prepares the chip for the next frame. If the state machine refuses, it is given a failure, from which it
-    /// recovers.
+    /// Prepares the chip for the next frame. A state machine that refuses the frame gets the input of a failed transfer
+    /// instead, and recovers from that.
     fn prepare(&mut self) -> Option<ExchangeEvent> {
         let length = HoldObject::SIZE;
         // Not covered: a refusal, since the machine has just said that it is ready, and the length is that of a frame.
         self.executor.go_on(|exchange| exchange.prepare(length).unwrap_or_else(|_| exchange.step(Input::Failed)))
     }
 
-    /// Handles an event and all events that follow from it, until the state machine waits for something.
     fn serve(&mut self, mut event: Option<ExchangeEvent>) {
         while let Some(happened) = event {
             self.turn = Turn::Executor;

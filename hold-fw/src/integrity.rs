@@ -1,5 +1,5 @@
-//! Says what follows from the patrol ([`firmware_common::patrol`]), in which the idle loop verifies all memory in use,
-//! a slice at a time.
+//! The hold's settings of the patrol ([`firmware_common::patrol`]), and what the hold does about a fault that the
+//! patrol finds. In the patrol the idle loop verifies all memory in use, a slice at a time.
 //!
 //! | what a slice finds | consequence |
 //! |---|---|

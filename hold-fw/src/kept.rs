@@ -91,7 +91,6 @@ fn read(record: &[AtomicU32; WORDS]) -> Option<(u32, Kept)> {
     (check == check_word(&words)).then_some((number, kept))
 }
 
-/// Returns the frame CRC of all words but the last, which holds that CRC.
 fn check_word(words: &[u32; WORDS]) -> u32 {
     profile::crc::frame_of_words(words.iter().take(WORDS - 1).copied())
 }

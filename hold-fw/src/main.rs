@@ -18,12 +18,12 @@
 //! The longest times have these reasons:
 //!
 //! - `slot`: the time from the tick to the frame's first bit must be constant.
-//! - `rf_*`: the first 16 bytes of a frame are sent within 0.3 ms, by when the rest must be in the front end's FIFO. An
-//!   answer begins 0.2 ms after the frame at the earliest.
-//! - `cycle`: the frame's first bytes are loaded before the slot.
-//! - `answer`: the next exchange comes after 90 ms.
-//! - `sensors`: the next beat calls the task again.
-//! - `idle`: without a feed for 100 ms the watchdog resets the part.
+//! - `rf_*` load the rest of a frame within 0.3 ms, the time in which its first 16 bytes are sent. An answer begins 0.2
+//!   ms after the frame at the earliest.
+//! - `cycle` loads the frame's first bytes before the slot.
+//! - `answer` ends before the next exchange, which comes after 90 ms.
+//! - `sensors` ends before the next beat, which calls it again.
+//! - `idle` feeds the watchdog, which resets the part 100 ms after the last feed.
 //!
 //! Only `sensors` waits for hardware, namely for the I2C bus. Each wait has a bound, and all interrupt tasks preempt
 //! `sensors`, so a sensor cannot delay the cycle. Only `idle` writes to the log, and no task masks interrupts for that
@@ -159,13 +159,12 @@ mod app {
         )
     }
 
-    /// Runs when no other task does: verifies memory, logs each second, feeds the watchdog and sleeps.
     #[idle(local = [watchdog, patrol, memory], shared = [link, readings])]
     fn idle(mut cx: idle::Context) -> ! {
         let mut last_us = hw::now_us();
         let mut pace = Pace::new(last_us);
         loop {
-            // After most interrupts there is nothing to do, and the idle loop only asks `pace`.
+            // After most interrupts no memory check is due, and the idle loop only asks `pace`.
             let due = pace.due(hw::now_us());
             if due == 0 {
                 cortex_m::asm::wfi();
@@ -207,8 +206,9 @@ mod app {
         }
     }
 
-    /// Records that a step of the cycle begins. If it is not its turn, the hold stops. A debugger that halts the
-    /// processor delays steps, so the order counts only where the watchdog runs on.
+    /// Records that a step of the cycle begins. If it is not the step's turn, the hold stops. A debugger that halts the
+    /// processor delays steps. So a firmware whose watchdog stops with the processor (`debugger-stops-watchdog`) does
+    /// not stop for this reason.
     #[inline(always)]
     fn begin(step: Step) {
         if !FLOW.begin(step, hw::now_us) && !cfg!(feature = "debugger-stops-watchdog") {
@@ -220,7 +220,6 @@ mod app {
         stop("flow", Stop::new(Cause::Flow, safe_state::active_exception(), step as u32))
     }
 
-    /// Stops the hold because of `stop`, which the check of `what` has found.
     #[cold]
     #[inline(never)]
     fn stop(what: &'static str, stop: Stop) -> ! {
@@ -307,7 +306,6 @@ mod app {
         CHECK_IN.check_in(Task::answer);
     }
 
-    /// Runs at each beat: reads the sensors, and waits for their bus.
     #[task(binds = SWI2_EGU2, priority = 1, local = [sensors], shared = [readings])]
     fn sensors(mut cx: sensors::Context) {
         let begun = hw::now_us();

@@ -1,4 +1,4 @@
-//! Converts what the SAADC counts of the supply.
+//! Converts the SAADC's counts of the supply voltage.
 //!
 //! With a gain of 1/6 and the internal reference of 0.6 V the full scale is 3.6 V, and the resolution is 12 bits
 //! (PS v1.7, 6.23.7).

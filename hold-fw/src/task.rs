@@ -11,13 +11,13 @@ include!(concat!(env!("OUT_DIR"), "/each_task.rs"));
 
 each_task!(firmware_common::task_table);
 
-/// A step of the hold's cycle, whose order and times the firmware checks ([`firmware_common::flow`]).
+/// A step of the hold's cycle. The firmware checks the order and the times of these steps ([`firmware_common::flow`]).
 ///
-/// The slot comes first, since the timer starts at 0 and so meets it before the first beat. Any other task is called at
-/// each beat as well, but the front end and the bus of the sensors decide how often, or how long, it runs.
+/// The slot comes first, because the timer starts at 0 and reaches the slot before the first beat. Each beat calls the
+/// other tasks as well, but they are no steps: the front end and the sensors' bus decide when and how long they run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
-    /// The slot, [`SLOT_US`] after each beat; in the first of a cycle the frame is sent.
+    /// The slot, [`SLOT_US`] after each beat. The first slot of a cycle sends the frame.
     Slot,
     /// The beat.
     Beat,
@@ -31,9 +31,10 @@ impl flow::Step for Step {
         Rule { after: &[Self::Slot as usize, Self::Cycle as usize], time: Some(1_000 * BEAT_MS - SLOT_US) },
         Rule { after: &[Self::Beat as usize], time: None },
     ];
-    /// The timer of the beats and the µs counter have one clock. Each shows a µs that has begun.
+    /// How early a step may begin, µs. The timer of the beats and the µs counter have one clock, and each may be up to
+    /// 1 µs behind.
     const EARLY: u32 = 2;
-    /// No other interrupt has the priority of the timer's, and no lock masks it.
+    /// How late a step may begin, µs. No other interrupt has the priority of the timer's, and no lock masks it.
     const LATE: u32 = 20;
 
     #[inline(always)]

@@ -1,9 +1,9 @@
 //! The times of a cycle.
 //!
 //! A timer raises a *beat* every 25 ms. The first beat of a cycle is the *tick*, at which the firmware takes its
-//! sample. The *slot*, a constant time after the tick, is the instant at which it sends the transmit command for the
-//! frame. So the time from the tick to the frame's first bit does not depend on the data or on the time that the work
-//! before takes.
+//! sample. The *slot*, a constant time after the tick, is the instant at which the firmware sends the transmit command
+//! for the frame. So the time from the tick to the frame's first bit does not depend on the data or on how long the
+//! work before the slot takes.
 //!
 //! In the diagram, `fill, seal, load head` is the task `cycle`, and `sensors` is the task that reads the sensors.
 //!

@@ -26,9 +26,7 @@ struct Board {
     /// The sample that the model of the accelerometer takes at present, left-aligned.
     sample: [i16; 3],
     measured: [u16; 2],
-    /// Whether the climate sensor has a measurement ready.
     measuring: bool,
-    /// The numbers of the transfers that the bus refuses.
     refuses: std::ops::Range<u32>,
     transfers: u32,
     accelerometer_absent: bool,
@@ -208,7 +206,8 @@ fn a_temperature_stands_for_three_seconds_and_then_is_unknown() {
     let mut world = World::working();
     world.board.borrow_mut().damage = [0x40, 0, 0, 0, 0, 0];
     let known = (0..5 * SECOND).take_while(|_| world.beats(1).climate.is_some()).count() as u32;
-    // The last good measurement was in beat 42, and the damage began 80 beats after the start.
+    // The validity of the last temperature is counted from beat 42, when it was measured; the sensor fails from beat 80
+    // on.
     assert_eq!(known + 2 * SECOND - (SECOND + 2) - 1, CLIMATE_VALID_BEATS);
     assert!(world.readings.fault && world.telemetry.climate_faults.get() >= 2);
     world.board.borrow_mut().damage = [0; 6];

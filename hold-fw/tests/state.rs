@@ -149,7 +149,6 @@ impl Link {
         status.values()
     }
 
-    /// Sends a command and returns the values of the Hold-Status that acknowledges it.
     fn send(&mut self, command: HoldCommand) -> HoldValues {
         let before = self.cycle().acknowledged[0].number();
         self.sender.send(&command);

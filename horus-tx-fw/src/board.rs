@@ -99,7 +99,8 @@ pub(crate) struct InputPair {
     pub(crate) inactive: Pin,
 }
 
-/// The input pairs that tell HORUS's state: relay (D56, D57), motor cut (D58, D59), emergency measure (D55, D54).
+/// The input pairs from which HORUS derives its state: relay (D56, D57), motor cut (D58, D59), emergency measure (D55,
+/// D54).
 pub(crate) const STATE_INPUTS: [InputPair; INPUTS] = [
     InputPair { active: Pin { port: GpioPort::E, number: 2 }, inactive: Pin { port: GpioPort::E, number: 4 } },
     InputPair { active: Pin { port: GpioPort::E, number: 5 }, inactive: Pin { port: GpioPort::E, number: 6 } },

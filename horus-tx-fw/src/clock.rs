@@ -3,9 +3,9 @@
 //! # Design
 //!
 //! HORUS is meant to run on the external clock (HSE). Without HSE it runs on the internal RC oscillator (HSI), through
-//! the same PLL to the same 144 MHz, so that every divider, slot and baud rate register stays the same.
-//! Reported-Position's status tells that HORUS runs on HSI. Bounds in processor cycles still hold, but a cycle of 10 ms
-//! lasts as long as HSI makes it.
+//! the same PLL to the same 144 MHz. So every divider, slot and baud rate register stays the same. Reported-Position's
+//! status states that HORUS runs on HSI. Bounds in processor cycles still hold, but a cycle of 10 ms lasts as long as
+//! HSI makes it.
 //!
 //! | | frequency | error |
 //! |---|---|---|

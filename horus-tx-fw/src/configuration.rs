@@ -22,11 +22,11 @@
 //! The settings go into the receiver's RAM, which loses them without a supply. After a receiver was silent, HORUS
 //! therefore repeats the messages until one is answered.
 //!
-//! **UART.** A receiver with factory settings uses 38 400 baud. If no intact UBX message has come for [`LISTEN_MS`]
-//! after the first message at the usual rate, HORUS sets the receiver's baud rate by a message at the factory's rate,
-//! and then sends the first message at the usual rate again. HORUS never sends at another rate to a receiver that
-//! talks: u-blox's receivers close their input for up to a second after 100 framing errors ("More than 100 frame
-//! errors, UART RX was disabled").
+//! **UART.** A receiver with factory settings uses 38 400 baud. HORUS sends its first message at the usual rate and
+//! waits for an intact UBX message. If none has come for [`LISTEN_MS`], HORUS sets the receiver's baud rate by a
+//! message at the factory's rate, and then sends the first message at the usual rate again. HORUS never sends at
+//! another rate to a receiver that talks: u-blox's receivers close their input for up to a second after 100 framing
+//! errors ("More than 100 frame errors, UART RX was disabled").
 //!
 //! **Bounds.** HORUS waits [`ANSWER_MS`] for each answer at most. To a receiver that talks and does not answer, HORUS
 //! sends nothing more after [`ATTEMPTS`] messages, until the receiver has been silent.
@@ -43,8 +43,8 @@
 //! # Sources
 //!
 //! - Sources of the keys: semuconsulting/pyubx2 (`ubxtypes_configdb.py`), aortner/ubloxcfg and the `ublox` crate
-//!   (`cfg_val.rs`), which agree. The crate has neither NAV-ATT's keys nor a way to leave the thousand other keys out
-//!   of flash, so the few keys that HORUS needs are written here.
+//!   (`cfg_val.rs`), which agree. The crate lacks NAV-ATT's keys, and has no way to leave the thousand other keys out
+//!   of flash. So the few keys that HORUS needs are written here.
 //! - Sources of the dynamic models: u-blox, *ZED-F9R integration manual* (UBX-20039643), "Dynamic platform", tables of
 //!   the models and of their limits; key and values: *M10 interface description* (UBX-21035062), CFG-NAVSPG-DYNMODEL,
 //!   and pyubx2; PX4's `GPS_UBX_DYNMODEL`. Open: the integration manual says that the ZED-F9R's sensor fusion is
@@ -62,8 +62,8 @@ use crate::{
 pub const ANSWER_MS: u32 = 1_000;
 /// How often a configuration message is sent to a receiver that talks but does not answer.
 pub const ATTEMPTS: u8 = 3;
-/// How long HORUS waits for an intact message on a UART before it tries the factory's rate, ms. It is longer than any
-/// period that HORUS requests, and than a receiver takes to answer while it computes.
+/// How long HORUS waits for an intact message on a UART before it tries the factory's rate, ms. This is longer than any
+/// period that HORUS requests, and longer than a receiver takes to answer while it computes.
 pub const LISTEN_MS: u32 = 500;
 /// The pause after the message that sets the baud rate, ms. Sending the message takes 5.2 ms, and then the receiver
 /// changes its rate.
@@ -387,7 +387,7 @@ mod tests {
 
     const NOW: u32 = u32::MAX - 1_000;
 
-    /// HORUS's configuration and a receiver that answers it, in steps of 10 ms across the clock's wrap.
+    /// A receiver and the code that configures it, in steps of 10 ms around the wrap of HORUS's clock.
     struct Talk {
         configuration: Configuration,
         now: u32,
@@ -535,7 +535,6 @@ mod tests {
         talk.pass(SILENT_MS + 20, false);
         assert_eq!((talk.sent.len(), talk.configuration.standing()), (5, Standing::NotYet));
 
-        // The receiver answers the basic message, but never the message of the dynamic model.
         let mut talk = Talk::new(Interface::Ddc);
         talk.step(false, None);
         talk.step(false, Some(Answer::Taken));
@@ -641,7 +640,6 @@ mod tests {
         assert!(configuration.poll(at.wrapping_add(1), 0, None).is_none());
         let basic = configuration.poll(at.wrapping_add(2), 1, Some(Answer::Taken)).unwrap();
         assert_eq!(keys(&basic)[0], 0x1074_0001);
-        // The receiver has answered the message of the baud rate, but not yet the basic message.
         assert_eq!(configuration.standing(), Standing::NotYet);
     }
 

@@ -13,10 +13,10 @@
 //! tick, and their number. It is *degraded* while fewer receivers agree than are fitted, or while there is no altitude.
 //! A receiver that falls silent stops taking part one period and 150 ms after its last message (see
 //! [`receiver`](crate::receiver)). The object of an outvoted receiver says *excluded*. HORUS is *starting* until the
-//! first result, *monitoring* while there is a result, and in the state *position lost* when there is none any more,
-//! unless the inputs of its safety function tell another state ([`state_inputs`](crate::state_inputs)).
+//! first result, *monitoring* while there is a result, and in the state *position lost* when there is none any more.
+//! The inputs of its safety function may tell another state instead ([`state_inputs`](crate::state_inputs)).
 //!
-//! Every Reported-Position also tells HORUS's clock, the reason of its last reset ([`Start`]), and whether a fault of
+//! Every Reported-Position also states HORUS's clock, the reason of its last reset ([`Start`]), and whether a fault of
 //! its memory was found ([`Cycle::found_memory_fault`]).
 
 use core::{borrow::Borrow, hint::select_unpredictable};
@@ -66,7 +66,7 @@ impl<const N: usize> Cycle<N> {
         Self::after(Start { clock: Source::External, reason: ResetReason::PowerOn, excluded: 0 })
     }
 
-    /// Returns the state of a HORUS that begins with the findings `start`. Reported-Position's status tells these
+    /// Returns the state of a HORUS that begins with the findings `start`. Reported-Position's status states these
     /// findings.
     #[must_use]
     pub const fn after(start: Start) -> Self {
@@ -111,7 +111,8 @@ impl<const N: usize> Cycle<N> {
         self.voted = Some((tick, ReportedPosition::seal(&self.reported_values(&self.verdict, now))));
     }
 
-    /// Whether the last vote was for tick `tick`, as that of the cycle before has to be; also if there was no vote yet.
+    /// Whether the last vote was for tick `tick`, or there was no vote yet. The vote before a tick has to be for that
+    /// tick.
     #[must_use]
     pub fn has_voted_for(&self, tick: u32) -> bool {
         // Not covered: only a flipped bit of the count of ticks leaves a vote out, and few upsets hit it.

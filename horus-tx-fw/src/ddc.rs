@@ -11,10 +11,11 @@
 //! tick ── START ─ 0x84 0xFD ─ RESTART ─ 0x85 high low ─ RESTART ─ 0x85 byte … byte ─ STOP ── … ── tick
 //! ```
 //!
-//! *A single byte* is never read by itself: the STM32F4's I2C needs the acknowledge switched off and the STOP requested
-//! within the time of that byte (RM0090, "I2C", master receiver), which no task of this priority can guarantee. If one
-//! byte waits, registers 0xFD, 0xFE and 0xFF are read together. From two bytes on, the end of the DMA transfer makes
-//! the peripheral refuse the last byte (LAST), and the peripheral then waits for STOP or START as long as needed.
+//! *A single byte* is never read by itself. For such a read, the STM32F4's I2C needs the acknowledge switched off and
+//! the STOP requested within the time of that byte (RM0090, "I2C", master receiver). No task of this priority can
+//! guarantee that. If one byte waits, registers 0xFD, 0xFE and 0xFF are read together. From two bytes on, the end of
+//! the DMA transfer makes the peripheral refuse the last byte (LAST). The peripheral then waits for STOP or START as
+//! long as needed.
 //!
 //! *Bounds*: a transaction that has not ended by the next tick has failed. The peripheral is then reset and
 //! disconnected from its pins. Nine clocks and a STOP free a receiver that holds SDA (UM10204, "Bus clear"), one level
@@ -24,8 +25,8 @@
 //!
 //! The number of unexpected events is bounded too. BTF, for example, stays set until the repeated START after it is on
 //! the bus (RM0090, "I2C", status register 1), and calls the handler again until then. After [`MOST_SPURIOUS`] calls
-//! without progress, or [`MOST_BUS_ERRORS`] bus errors since the tick, events and errors call no handler until the next
-//! tick, so that a disturbed bus does not take the processor's time.
+//! without progress, or [`MOST_BUS_ERRORS`] bus errors since the tick, no event or error calls the handler until the
+//! next tick. So a disturbed bus does not take the processor's time.
 //!
 //! # Sources
 //!
@@ -67,8 +68,9 @@ pub const HOLD_TICKS: u8 = 10;
 /// 5 µs, and a handler takes 1 µs at least.
 pub const MOST_SPURIOUS: u8 = 16;
 
-/// The most bus errors between two ticks that do not end a transaction. Each error costs a call of 1 to 2 µs, so
-/// together they cost 0.1 ms of a cycle. A pulse on SDA every 0.2 ms makes 50 errors.
+/// If this number of bus errors comes between two ticks, the event interrupts are switched off until the next tick.
+/// Each error costs a call of 1 to 2 µs, so together they cost 0.1 ms of a cycle. A pulse on SDA every 0.2 ms makes 50
+/// errors.
 pub const MOST_BUS_ERRORS: u8 = 64;
 
 /// The state of the bus at the tick.
@@ -233,8 +235,8 @@ impl Ddc {
         Ok(())
     }
 
-    /// Returns the number of bytes of the stream that are being read, unless they are to be dropped ([`Backlog`]). Even
-    /// of a failed transaction the bytes that have come count, since the receiver does not send them again.
+    /// Returns the number of bytes of the stream that are being read, unless they are to be dropped ([`Backlog`]). The
+    /// bytes of a failed transaction count too, because the receiver does not send them again.
     #[must_use]
     pub const fn stream_under_way(&self) -> Option<usize> {
         match self.state {

@@ -3,12 +3,13 @@
 //! # Design
 //!
 //! Without this record, a wrong receiver would have a vote again after every reset by the watchdog, until it is
-//! outvoted anew, for which no other receiver may be missing. So after each vote the mask of the excluded receivers is
-//! written into memory that the start-up code does not initialise, with the number of receivers and a frame CRC.
+//! outvoted anew. If another receiver is missing, it may not be outvoted. So after each vote the mask of the excluded
+//! receivers is written into memory that the start-up code does not initialise, with the number of receivers and a
+//! frame CRC.
 //!
 //! A start after power-on destroys the record (`hw::start_up`). After any other reset, the receivers of the mask have
 //! to agree for a second before they return (decision 15). A record counts as empty if it is not intact, if a program
-//! with another number of receivers wrote it, or if the voter never arrives at its mask
+//! with another number of receivers wrote it, or if no vote can lead to its mask
 //! ([`Voter::excluding`](horus_voter::Voter::excluding)).
 
 use profile::{crc, ResetReason};

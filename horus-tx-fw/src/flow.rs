@@ -83,7 +83,7 @@ const fn time(from_ticks: u32, to_ticks: u32) -> Option<u32> {
 /// The counts of SysTick in a µs: its reference is HCLK / 8 (RM0090, "SysTick calibration value register").
 pub const COUNTS_PER_US: u32 = timing::CORE_HZ / 8 / 1_000_000;
 
-/// SysTick counts with 24 bits, so that it wraps after 0.93 s.
+/// SysTick counts with 24 bits, so it wraps after 0.93 s.
 const UNUSED_BITS: u32 = 8;
 
 /// The largest value of SysTick, from which it counts down.
@@ -123,7 +123,7 @@ impl flow::Step for Step {
 }
 
 impl Task {
-    /// Whether the task is a step of the cycle, so that a run of it that nothing has called for stops HORUS.
+    /// Whether the task is a step of the cycle. If so, HORUS stops when the task runs out of turn.
     #[must_use]
     pub const fn is_step(self) -> bool {
         matches!(self, Self::slot | Self::rf_slot | Self::cycle | Self::vote | Self::gnss_tick)

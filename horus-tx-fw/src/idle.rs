@@ -18,8 +18,8 @@ pub struct Slices {
 }
 
 impl Slices {
-    /// Returns the count of due slices at the start. In all methods `now_us` is the value of a µs counter that may
-    /// wrap.
+    /// Returns the count at the start, with no slice due. `now_us`, here and below, is the value of a µs counter that
+    /// may wrap.
     #[must_use]
     pub const fn new(now_us: u32) -> Self {
         Self { pace: Pace::new(now_us), due: 0 }
@@ -134,7 +134,6 @@ mod tests {
         assert_eq!((0..40).filter(|_| slices.take(|| true)).count(), MOST_SLICES as usize);
     }
 
-    /// Returns what is logged in each of `calls`. At the calls whose index is in `busy`, no message can be written.
     fn logged(calls: &[(Option<Fault>, u32)], busy: &[usize], telemetry: &Telemetry) -> Vec<Vec<Message>> {
         let mut journal = Journal::new();
         let call = |(number, (fault, second)): (usize, &(Option<Fault>, u32))| {

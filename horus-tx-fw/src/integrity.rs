@@ -2,8 +2,8 @@
 //!
 //! # Design
 //!
-//! The idle loop does a [slice](firmware_common::patrol) of work every 2.5 ms, in the part of the cycle in which it can
-//! delay neither a slot nor a tick ([`timing::quiet`](crate::timing::quiet)).
+//! The idle loop does a [slice](firmware_common::patrol) of work every 2.5 ms. Each slice is in the part of the cycle
+//! in which it can delay neither a slot nor a tick ([`timing::quiet`](crate::timing::quiet)).
 //!
 //! | finding | consequence |
 //! |---|---|
@@ -11,8 +11,8 @@
 //! | a guard word has changed | safe state, [`Cause::GuardWord`] |
 //! | RAM in use does not hold what is written to it | safe state, [`Cause::Ram`]; also at the start |
 //!
-//! Besides these checks, each task verifies what it finds [checked](firmware_common::checked): receivers, solutions and
-//! the state of the vote. A flipped bit there is a [`Cause::Ram`] at once.
+//! Besides these checks, each task verifies the [checked](firmware_common::checked) states that it uses: receivers,
+//! solutions and the state of the vote. A flipped bit in one of them is a [`Cause::Ram`] at once.
 //!
 //! HORUS has no code in RAM. A profile is sealed in every cycle, and its objects' CRCs protect it from then on. Values
 //! that are computed before the sealing have no CRC, so HORUS sends nothing once its RAM is faulty.

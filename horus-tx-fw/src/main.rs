@@ -46,8 +46,8 @@
 //!
 //! The order is: reset flags and watchdog (the first instructions, `hw::start_up`), test of the RAM, brown-out level,
 //! oscillator, voltage detector, comparison of the program with its CRC, then front end, receivers and cycle. Before
-//! the comparison only the clocks are changed, because it takes 4 to 6 ms at 144 MHz. At the first 16 MHz it would take
-//! 40 ms of the watchdog's 68 ms at worst.
+//! the comparison of the program, the start changes nothing but the clocks. It changes the clocks first, because the
+//! comparison takes 4 to 6 ms at 144 MHz. At the first 16 MHz it would take 40 ms of the watchdog's 68 ms at worst.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 #![deny(unsafe_code)]
 
@@ -201,7 +201,6 @@ mod app {
         safe_state::name_faults(&mut cx.core.SCB);
         mpu::apply(&mut cx.core.MPU, &protection::START);
 
-        // The watchdog has just been fed. Before its time is over, all tasks have to check in.
         watchdog.feed();
 
         let radio = Radio::new(&mut rcc, device.SPI1, device.TIM5, device.SYSCFG, &device.EXTI);
@@ -315,8 +314,8 @@ mod app {
         stop("flow", Stop::new(Cause::Flow, safe_state::active_exception(), step as u32))
     }
 
-    /// Verifies what was kept since the last task, changes it by `with`, and checks it anew. HORUS stops if a bit of it
-    /// has flipped.
+    /// Verifies the checked state `kept`, changes it by `with`, and computes its check word anew. HORUS stops if a bit
+    /// of the state has flipped.
     fn change<T, R>(kept: &mut Checked<T>, with: impl FnOnce(&mut T) -> R) -> R {
         match kept.change(with) {
             Some(result) => result,
@@ -324,8 +323,8 @@ mod app {
         }
     }
 
-    /// Returns the number of the tick. HORUS stops if the last vote was for another one: each cycle has one vote for
-    /// the next tick, so the count of ticks has changed in between. A debugger that halts the processor makes HORUS
+    /// Returns the number of the tick. HORUS stops if the last vote was for another tick: the count of ticks was then
+    /// damaged, because each cycle votes once for the next tick. Only a debugger that halts the processor makes HORUS
     /// leave out cycles.
     fn tick_of(cycle: &Checked<Cycle<RECEIVERS>>) -> u32 {
         let tick = cycle_timer::tick();
@@ -339,7 +338,6 @@ mod app {
         stop("kept state", Stop::new(Cause::Ram, safe_state::active_exception(), address))
     }
 
-    /// Stops HORUS because of `stop`, which the check of `what` has found.
     #[cold]
     #[inline(never)]
     fn stop(what: &'static str, stop: Stop) -> ! {
@@ -419,7 +417,8 @@ mod app {
         begin(Step::Cycle);
         let tick = tick_of(cx.shared.cycle);
         *cx.shared.levels = Some(state_inputs::levels());
-        // `vote` verifies both while the frame is on air: before the slot there is no time for it.
+        // There is no time to verify solutions and vote before the slot. `vote` verifies both while the frame is on
+        // air.
         let profile = cx.shared.solutions.lock(|solutions| cx.shared.cycle.get().fill(tick, solutions));
         HORUS_TELEMETRY.worst_fill_cycles.record_max(DWT::cycle_count().wrapping_sub(begun));
         cx.shared.transmitter.lock(|transmitter| transmitter.offer(tick, &profile));
@@ -536,7 +535,7 @@ mod app {
             let written = ring.written();
             let (receiver, reader) = kept.get();
             let mut answer = None;
-            // Most calls find nothing to do for most receivers, and then need not verify what they do not use.
+            // In most calls most receivers have sent nothing new. Their states then need no verification.
             if reader.waiting(written) > 0 || receiver.is_due(now) || kept.is_unchanged() {
                 answer = change(kept, |(receiver, reader)| {
                     let span = reader.take(written, RING, BYTES_PER_CALL);

@@ -38,17 +38,17 @@ pub const START: Table<3> = Table::new([
 pub const TASKS: Table<8> = Table::new([
     FLASH,
     RAM,
-    // The open eighths of this region are TIM2 with TIM3, TIM4 with TIM5, and the IWDG.
+    // The accessible subregions of this region are TIM2 with TIM3, TIM4 with TIM5, and the IWDG.
     Region::new("timers and watchdog", 0x4000_0000, 16 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([true, true, false, false, false, false, true, false]),
-    // The open eighths of this region are USART2, UART5, I2C2 and UART7.
+    // The accessible subregions of this region are USART2, UART5, I2C2 and UART7.
     Region::new("UARTs and I2C2", 0x4000_4000, 16 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([true, false, true, true, false, false, false, true]),
-    // The open eighths of this region are SPI1, and SYSCFG with EXTI.
+    // The accessible subregions of this region are SPI1, and SYSCFG with EXTI.
     Region::new("SPI1 and EXTI", 0x4001_0000, 16 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([false, false, false, false, false, false, true, true]),
     Region::new("SPI5", 0x4001_5000, 2 * KIB, Memory::Peripheral, Allowed::ReadWrite),
-    // The open eighths of this region are the ports A to F.
+    // The accessible subregions of this region are the ports A to F.
     Region::new("GPIO ports", 0x4002_0000, 16 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([true, true, true, false, false, false, false, false]),
     Region::new("DMA controllers", 0x4002_6000, 2 * KIB, Memory::Peripheral, Allowed::ReadWrite),

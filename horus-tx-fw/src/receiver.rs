@@ -58,7 +58,7 @@ pub const VALID_SLACK_MS: u32 = 150;
 /// The time, ms, by which a solution's age has to exceed its period for the solution to be stale
 /// (docs/design.md#validity).
 pub const STALE_SLACK_MS: u32 = 50;
-/// The age, ms, from which on a time stamp is dropped, long before the clock's wrap could make it look recent.
+/// A time stamp of this age, ms, is dropped, long before the clock's wrap could make it look recent.
 const FORGOTTEN_MS: u32 = 60_000;
 
 /// How long a line must be silent before a message that has begun counts as over, ms. A receiver sends a message
@@ -213,8 +213,8 @@ pub struct Position {
     pub pace: Pace,
     /// The kind of the fix; `None` before the first message, and for a code that UBX reserves.
     pub fix: Option<FixType>,
-    /// Whether the receiver states that latitude and longitude can be used (`gnssFixOK`, not `invalidLlh`, and a 2D, 3D
-    /// or combined fix), and states plausible values. Dead reckoning without satellites does not count, since its error
+    /// Whether latitude and longitude can be used: the receiver says so (`gnssFixOK`, not `invalidLlh`, and a 2D, 3D or
+    /// combined fix), and its values are plausible. Dead reckoning without satellites does not count, since its error
     /// grows without a stated bound.
     pub valid: bool,
     /// The latitude, degrees, WGS-84.
@@ -324,9 +324,9 @@ impl Receiver {
         }
     }
 
-    /// Takes up to [`BYTES_PER_CALL`] of `bytes`, which arrived by `now` (ms, wraps), and returns how many it took. To
-    /// be called without bytes, too, whenever [`Receiver::is_due`], which is to be asked every few ms: only a call
-    /// detects a silent line and drops old time stamps.
+    /// Takes up to [`BYTES_PER_CALL`] of `bytes`, which arrived by `now` (ms, wraps), and returns how many it took. The
+    /// caller must ask [`Receiver::is_due`] every few ms and, if the answer is true, call this method even without
+    /// bytes. Only a call detects a silent line and drops old time stamps.
     pub fn receive(&mut self, bytes: &[u8], now: u32) -> usize {
         let (bytes, _) = bytes.split_at(bytes.len().min(BYTES_PER_CALL));
         self.solution.expire(now);

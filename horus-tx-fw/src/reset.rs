@@ -16,7 +16,7 @@ mod flag {
 /// Returns the reason of the reset for `csr`, the value of RCC_CSR at the start.
 ///
 /// Several flags are set at once: every internal reset also sets the pin's flag, and power-on also sets the flag of the
-/// brown-out. So the first set flag in this order tells the reason: power-on, brown-out, watchdog, software, low-power
+/// brown-out. So the first set flag in this order gives the reason: power-on, brown-out, watchdog, software, low-power
 /// management (not used here), pin. The STM32F429 has no reset by lockup; there the watchdog resets.
 #[must_use]
 pub const fn reason(csr: u32) -> ResetReason {
@@ -57,7 +57,6 @@ mod tests {
     // Shows STA-4.
     #[test]
     fn each_reset_reason_follows_from_its_combination_of_flags() {
-        // The manual says that every reset from inside the part also sets the pin's flag.
         assert_eq!(reason(0x0E00_0000), ResetReason::PowerOn, "supply on: POR, pin, BOR");
         assert_eq!(reason(0x0600_0000), ResetReason::BrownOutOrOther, "supply dipped: pin, BOR");
         assert_eq!(reason(0x2400_0000), ResetReason::Watchdog, "independent watchdog");

@@ -3,10 +3,10 @@
 //! # Design
 //!
 //! A DMA stream in circular mode shows only its position in the ring (NDTR counts down from the ring's size, RM0090
-//! "DMA controller", circular mode). A [`Writer`] turns that position into a count of all bytes ever written. It is
-//! called when half or all of the ring was written and at every idle line, so the stream writes less than a ring
-//! between two calls. A [`Reader`] counts all bytes ever read. When the difference of both counts exceeds the ring's
-//! size, the writer has overwritten unread bytes, which are counted as lost instead of being read as new.
+//! "DMA controller", circular mode). A [`Writer`] turns that position into a count of all bytes ever written. The
+//! firmware calls it when half or all of the ring was written and at every idle line, so the stream writes less than a
+//! ring between two calls. A [`Reader`] counts all bytes ever read. When the difference of both counts exceeds the
+//! ring's size, the writer has overwritten unread bytes, which are counted as lost instead of being read as new.
 
 /// The producer's side of one ring, which counts the bytes ever written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

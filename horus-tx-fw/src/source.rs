@@ -4,8 +4,8 @@
 //!
 //! A receiver is connected by a UART, by I2C (u-blox calls it DDC) or by SPI; [`Source`] hides the difference. Every
 //! source fills a [`Ring`], which the parser reads at its own pace, and takes messages to the receiver from an
-//! [`Outbox`], which holds one. Both are made of atomics, so that the parser (of low priority) and the source (of
-//! higher priority, or a DMA stream) need no lock.
+//! [`Outbox`], which holds one. Both are made of atomics. So the parser (of low priority) and the source (of higher
+//! priority, or a DMA stream) need no lock.
 
 use core::sync::atomic::{AtomicU32, AtomicU8, Ordering};
 
@@ -20,11 +20,11 @@ const _: () = assert!(RING.is_power_of_two());
 
 /// Decides whether the bytes that are read from a receiver on I2C or SPI are new or have waited.
 ///
-/// A receiver on I2C or SPI keeps its bytes until they are read. A solution's age counts from its arrival, so a
-/// solution that waited in the receiver (while its bus was stuck, or HORUS started) would count as new. So all bytes
-/// after such a pause are dropped until the receiver has been read empty. On SPI a receiver without data and a line
-/// that is stuck high read alike, so the receiver counts as empty when some bytes came and then none; that costs the
-/// first message after the pause. On I2C the receiver tells how many bytes wait, and a pulse on the line can make that
+/// A receiver on I2C or SPI keeps its bytes until they are read. A solution's age counts from its arrival. So a
+/// solution that waited in the receiver (while its bus was stuck, or HORUS started) would count as new. Therefore all
+/// bytes after such a pause are dropped until the receiver has been read empty. On SPI a receiver without data and a
+/// line that is stuck high read alike. So the receiver counts as empty when some bytes came and then none; that costs
+/// the first message after the pause. On I2C the receiver tells how many bytes wait. A pulse on the line can make that
 /// number too small, so two reads in a row must leave none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Backlog {
@@ -38,7 +38,7 @@ pub struct Backlog {
 }
 
 impl Backlog {
-    /// The greatest number of ticks between two reads of a receiver after which its bytes still count as new. One read
+    /// A receiver's bytes still count as new if at most this number of ticks lies between its last two reads. One read
     /// may fail, or give way to a message.
     pub const TICKS: u8 = 2;
     /// When this many reads in a row have left bytes in the receiver, the bytes that come count as old.

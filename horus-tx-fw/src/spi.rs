@@ -7,18 +7,18 @@
 //! time: chip select falls, [`SETUP_US`] pass, DMA transfers the bytes, [`HOLD_US`] pass, and chip select rises.
 //!
 //! *Filler* is removed by [`Filter`] before the bytes go into the ring. The filter follows the messages, since 0xFF is
-//! legal inside a message. It does not follow a message that is longer than the parser takes, so that a damaged length
-//! does not let 64 KiB of filler pass.
+//! legal inside a message. It does not follow a message that is longer than the parser takes. Otherwise a damaged
+//! length would let 64 KiB of filler pass.
 //!
 //! *A message to the receiver* is at the start of a transfer: after more than CFG-SPI-MAXFF (factory setting: 50)
 //! filler bytes in a row the receiver may ignore its input until chip select rises.
 //!
 //! # Sources
 //!
-//! - Timing: u-blox, *NEO-M8P data sheet* (UBX-15016656), "SPI timing diagrams", recommends > 10 µs from chip select to
-//!   the first clock, 1 ms between two selections, at most 5.5 MHz, and **at least 8 µs from byte to byte** (125 kB/s,
-//!   which the F9 data sheets name as the maximum transfer rate too). A DMA transfer has no gaps between bytes, so the
-//!   bit rate has to keep the byte period: 562.5 kHz ([`crate::timing::GNSS_SPI_HZ`]), 14.2 µs a byte.
+//! - Timing: u-blox, *NEO-M8P data sheet* (UBX-15016656), "SPI timing diagrams". It recommends > 10 µs from chip select
+//!   to the first clock, 1 ms between two selections, at most 5.5 MHz, and **at least 8 µs from byte to byte**. The F9
+//!   data sheets also name the resulting 125 kB/s as the maximum transfer rate. A DMA transfer has no gaps between
+//!   bytes, so the bit rate has to keep the byte period: 562.5 kHz ([`crate::timing::GNSS_SPI_HZ`]), 14.2 µs a byte.
 //! - Source of the rules for filler: u-blox, *ZED-F9T and ZED-F9K integration manuals*, "SPI interface", read access.
 
 use crate::{
@@ -159,8 +159,9 @@ impl Polling {
 
     /// Takes the result of examining a transfer's bytes. `brought` says that some of them were the receiver's.
     /// `is_empty` says that the transfer ended with filler, so the receiver has no more ([`Filter::has_nothing_more`]).
-    /// After a pause a transfer of filler alone proves nothing, since a line that is stuck high reads the same. It
-    /// counts only if the transfer before it brought bytes, since a message may end with its transfer.
+    /// After a pause, a transfer of filler alone usually does not show that the receiver is empty, because a line that
+    /// is stuck high reads the same. It shows it only if the transfer before brought bytes, because a message may end
+    /// exactly with its transfer.
     pub fn read(&mut self, brought: bool, is_empty: bool) {
         let brought_before = core::mem::replace(&mut self.brought, brought);
         self.backlog.read(is_empty && (brought || brought_before || !self.backlog.is_old()));
@@ -349,7 +350,6 @@ mod tests {
             assert!(filter.keeps(byte) && !filter.has_nothing_more(), "{byte:#04x}");
         }
         assert_eq!(ends(&mut filter, 6), [more, more, more, no_more, no_more, no_more]);
-        // The last bytes of a message are not filler, even if they are 0xFF.
         for byte in [0xB5, 0x62, 0x01, 0x07, 3, 0, FILLER, FILLER, FILLER, FILLER, FILLER] {
             assert!(filter.keeps(byte) && !filter.has_nothing_more());
         }
@@ -368,7 +368,6 @@ mod tests {
             assert!([0xB5, 0x62, 0x01, 0x07, low, high].into_iter().all(|byte| filter.keeps(byte)));
             filter.keeps(FILLER)
         };
-        // In a message, sync, class, identifier and length are six bytes, and the checksum is two.
         assert!(is_followed(0) && is_followed(248));
         assert!(!is_followed(249) && !is_followed(0x0107) && !is_followed(u16::MAX));
     }

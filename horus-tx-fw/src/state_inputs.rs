@@ -11,7 +11,7 @@
 
 use profile::HorusState;
 
-/// The number of inputs that tell HORUS's state.
+/// The number of inputs from which HORUS derives its state.
 pub const INPUTS: usize = 3;
 
 /// The number of samples in a row that must agree before their value is accepted: 20 ms from first to last.
@@ -148,7 +148,6 @@ mod tests {
         Levels { active, inactive }
     }
 
-    /// Returns HORUS's state after each sample of the motor cut, while the other two inputs are inactive.
     fn of_motor_cut(samples: &[Says]) -> Vec<HorusState> {
         let mut inputs = StateInputs::new();
         let step = |says: &Says| {
@@ -190,12 +189,10 @@ mod tests {
     #[test]
     fn a_pair_that_does_not_settle_is_a_contradiction_after_ten_samples() {
         let [i, a] = [Inactive, Active];
-        // The pair's value changes with every sample from the start. Nine samples decide nothing, and the tenth makes a
-        // contradiction.
+        // The input's value changes with every sample from the start.
         let chatter = [i, a, i, a, i, a, i, a, i, a];
         assert_eq!(of_motor_cut(&chatter)[8..], [Starting, InputsContradict]);
-        // The pair settles, then at most two samples in a row agree. The contradiction lasts until the pair settles
-        // again.
+        // After the input has settled, at most two samples in a row agree until the end.
         let samples: Vec<Says> = [i, i, i].into_iter().chain([a, a, i, i, a, a, i, i, a, a, i, i, i]).collect();
         let states = of_motor_cut(&samples);
         assert_eq!(states[11], Monitoring, "the ninth");
@@ -249,8 +246,6 @@ mod tests {
     }
 
     proptest! {
-        /// Three equal samples in a row set the value. Ten samples without three equal ones in a row are a
-        /// contradiction.
         #[test]
         fn a_pair_follows_the_rule(samples in proptest::collection::vec(says(), 1..60)) {
             let mut pair = Pair::default();

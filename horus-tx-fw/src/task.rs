@@ -10,8 +10,8 @@ include!(concat!(env!("OUT_DIR"), "/each_task.rs"));
 each_task!(firmware_common::task_table);
 
 impl Task {
-    /// Whether only hardware calls this task, and no other task. If so, `gnss_tick` has to call it, so that it checks
-    /// in.
+    /// Whether `gnss_tick` has to call this task so that it checks in, because usually only hardware calls it, and
+    /// perhaps rarely.
     #[must_use]
     pub const fn calls_for_sign_of_life(self) -> bool {
         !matches!(self, Self::slot | Self::rf_slot | Self::cycle | Self::vote | Self::gnss_tick | Self::parse)

@@ -129,5 +129,5 @@ impl Telemetry {
 }
 
 const _: () = assert!(size_of::<Telemetry>() == 4 * (10 + 7 * MAX_RECEIVERS + 7 + 4 * MAX_RECEIVERS + 2));
-// The bench and debuggers rely on this offset of the counters.
+// The bench and debuggers read the counters at fixed offsets.
 const _: () = assert!(core::mem::offset_of!(Telemetry, lines) == 40);

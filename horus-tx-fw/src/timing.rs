@@ -44,8 +44,8 @@ pub const GNSS_I2C_LOW_NS: u32 = 2_000;
 
 /// The number of timer ticks in a µs.
 pub const TICKS_PER_US: u32 = TIMER_HZ / 1_000_000;
-/// The timer ticks that make a µs of the front end's waits on the internal oscillator, which is up to 4.5 % fast
-/// (DS9405). A wait that ended early would cut a frame off.
+/// The number of timer ticks in a µs of the front end's waits. It is chosen for the internal oscillator, which is up to
+/// 4.5 % fast (DS9405), because a wait that ended early would cut a frame off.
 pub const INTERNAL_TICKS_PER_US: u32 = TICKS_PER_US + TICKS_PER_US.div_ceil(20);
 /// The number of timer ticks in a cycle: 720 000, exactly 10 ms.
 pub const PERIOD_TICKS: u32 = TIMER_HZ / 1_000 * profile::CYCLE_MS;
@@ -87,7 +87,6 @@ pub const fn payload(frame: usize) -> usize {
 /// Returns the air time of frame `frame`, µs, rounded up.
 #[must_use]
 pub const fn air_us(frame: usize) -> u32 {
-    // The payload's length fits a byte, because it is at most `profile::air::LONGEST_PAYLOAD`.
     air::air_time_ns(payload(frame) as u8).div_ceil(1_000) as u32
 }
 
@@ -145,8 +144,8 @@ pub const SLOT_TICKS: [u32; FRAMES] = {
     ticks
 };
 
-/// The time after the tick, µs, from which only the end of the cycle's last frame is due, which is whole in the FIFO. A
-/// log message may then mask interrupts for a few µs without moving a slot.
+/// The time after the tick, µs, from which the FIFO has the whole last frame of the cycle. Until the frame's end a log
+/// message may then mask interrupts for a few µs without moving a slot.
 pub const QUIET_FROM_US: u32 = SLOT_US[FRAMES - 1] + REST_STARTS_US + load_us(payload(FRAMES - 1) - HEAD) + 20;
 /// The time after the tick until which a log message may begin, µs. A message that begins by then ends long before the
 /// next tick.
@@ -161,8 +160,8 @@ const WATCHDOG_COUNTS: u32 = WATCHDOG_MS * 32 / 4;
 /// The value of the watchdog's reload register. The watchdog resets one count after it has reached 0 (RM0090 21.3).
 pub const WATCHDOG_RELOAD: u32 = WATCHDOG_COUNTS - 1;
 
-/// The watchdog's time from the reset until it is first fed, ms at the nominal 32 kHz. The watchdog counts from the
-/// reset value of its reload register then (RM0090 21.3.1). With LSI at 17 to 47 kHz this time is 348 to 964 ms.
+/// The time from the reset until the watchdog is first fed, ms at the nominal 32 kHz. Until then, the watchdog counts
+/// from the reset value of its reload register (RM0090 21.3.1). With LSI at 17 to 47 kHz this time is 348 to 964 ms.
 pub const FIRST_WATCHDOG_MS: u32 = 4_096 * 4 / 32;
 
 /// The watchdog's shortest time, ms: it is 68 to 190 ms, since LSI runs at 17 to 47 kHz (DS9405).
@@ -197,10 +196,11 @@ pub const fn timestamp(tick: u32) -> u32 {
 /// Returns the milliseconds since the first tick's cycle began (wraps), from values read in this order: the number of
 /// ticks served, the timer's count, whether a tick is due (its update flag), the number of ticks served again.
 ///
-/// If a tick was served between the two reads and the count is high, the count was read before the tick, and the time
-/// is the tick's first moment. A tick that is due and not served yet counts if the count is low, and so was read after
-/// the tick. That holds while the delay of the tick's interrupt is less than half a cycle. Otherwise the time would
-/// step back by a cycle whenever the counter wraps just before it is read.
+/// If the two numbers of ticks differ, a tick was served between the two reads. If the count is then high, it was read
+/// before that tick, and the result is the tick's first moment. If a tick is due but not served yet, it counts if the
+/// count is low, because such a count was read after the tick. This holds while the tick's interrupt is delayed by less
+/// than half a cycle. Without these rules the time would step back by a cycle whenever the counter wraps just before it
+/// is read.
 #[must_use]
 pub const fn now_ms(before: u32, count: u32, due: bool, after: u32) -> u32 {
     let wrapped = count < PERIOD_TICKS / 2;

@@ -10,10 +10,10 @@
 //! be loaded.
 //!
 //! The command that starts a frame must be sent at an exact instant. When the frame's head is loaded, the transmitter
-//! *arms* a [`Ticket`], which says for which cycle and frame the head was loaded, and starts no other transfer. The
-//! slot's interrupt, which has the highest priority, asks [`Ticket::due`], writes the command's byte, and reports to
+//! *arms* a [`Ticket`] and starts no other transfer. The ticket says for which cycle and frame the head was loaded. The
+//! slot's interrupt has the highest priority. It asks [`Ticket::due`], writes the command's byte, and reports to
 //! [`Transmitter::slot`], which starts the load of the rest. A slot without a ticket, or with that of another cycle or
-//! frame, sends nothing: no frame is sent late, or with data older than its cycle's.
+//! frame, sends nothing. So no frame is sent late, or with data older than its cycle's.
 //!
 //! The state machine recovers from a fault of the chip by itself. Only the frames that fall into the recovery are lost.
 
@@ -134,8 +134,8 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
     /// Offers the profile of tick `tick`, whose frames replace the unsent frames of the previous profile. If the chip
     /// is not prepared yet, the profile's frames are loaded later, if that is in time for their slots.
     ///
-    /// Returns false, and takes nothing, if a frame of an earlier cycle is being loaded or was fired just now (so late
-    /// that this cycle's slot is lost anyway), because that frame's bytes must not change.
+    /// Returns false, and takes nothing, while an earlier cycle's frame is being loaded or has just been fired, because
+    /// that frame's bytes must not change. This cycle's slot is lost then.
     pub fn offer(&mut self, tick: u32, profile: &Profile<RECEIVERS>) -> bool {
         // Not covered: a load ends and an armed frame's slot passes before the next cycle's profile is offered.
         let kept = match self.turn {
@@ -204,7 +204,8 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
     fn prepare(&mut self) -> Option<PollerEvent> {
         self.prepared = if self.next < FRAMES { self.next } else { 0 };
         let length = payload(self.prepared);
-        // If the state machine refuses, it is given a failure, which it reports and recovers from.
+        // A state machine that refuses the frame gets the input of a failed transfer, which it reports and recovers
+        // from.
         // Not covered: the machine refuses neither a frame's length nor a preparation between two frames.
         self.executor.go_on(|poller| poller.prepare(length).unwrap_or_else(|_| poller.step(Input::Failed)))
     }

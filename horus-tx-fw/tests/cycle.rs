@@ -100,14 +100,9 @@ fn reported_position_is_the_majoritys_and_the_outvoted_is_excluded() {
     assert_eq!(reported.altitude, 512.345);
     assert_eq!(reported.acceleration, [0.01, 0.02, 0.03]);
     assert_eq!([reported.pitch, reported.yaw, reported.roll], [gps[1].pitch, gps[1].yaw, gps[1].roll]);
-    // The expected status has these bits: two receivers agree; position, attitude and acceleration valid; degraded;
-    // monitoring.
     assert_eq!(reported.status.bits(), 0b0111_1010 | 1 << 8);
-    // The expected status of the excluded receiver has these bits: 3D fix, position valid, heard, excluded. Its own
-    // object still has its values.
     assert_eq!(gps[0].status.bits(), 0x0293);
     assert_eq!(gps[0].latitude, 1e-7);
-    // The expected status has these bits: 3D fix; position, attitude and acceleration valid; heard.
     assert_eq!(gps[1].status.bits(), 0xF3);
 }
 
@@ -450,8 +445,7 @@ fn who_was_excluded_before_a_restart_is_from_the_first_tick_on() {
     let start = Start { excluded: before.excluded(), ..Start::default() };
     let mut after = Cycle::<3>::after(start);
     assert_eq!(excluded(&after.fill(0, &[Solution::default(); 3])), [false, false, true]);
-    // The excluded receiver agrees from now on, and has to do so for a second. In that second's last tick it is still
-    // excluded.
+    // The excluded receiver agrees from now on, and stays excluded for a second, the last tick included.
     for tick in 1..=101 {
         let profile = after.voted_and_filled(tick, &[all(10 * tick), all(10 * tick), all(10 * tick)]);
         assert_eq!(excluded(&profile), [false, false, true], "tick {tick}");
@@ -471,7 +465,6 @@ fn a_solution_tells_its_age_in_steps_of_25_ms() {
     assert_eq!(came_since.status.solution_age_ms(), Some(0));
     let (_, [never]) = read(&Cycle::new().voted_and_filled(7, &[Solution::default()]));
     assert_eq!(never.status.solution_age_ms(), None);
-    // A message with an attitude or an acceleration does not count as a solution.
     let (_, [no_position]) = read(&Cycle::new().voted_and_filled(7, &[heard(&[nav_att(1, [1; 3], [1; 3])], 70)]));
     assert_eq!(no_position.status.solution_age_ms(), None);
 }
@@ -534,7 +527,6 @@ proptest! {
             prop_assert_eq!(gps.status.attitude_valid(), angles.iter().all(|angle| angle.is_finite()));
             prop_assert_eq!(gps.status.acceleration_valid(), gps.acceleration.iter().all(|axis| axis.is_finite()));
         }
-        // Five receivers send the same values, so all of them agree.
         prop_assert_eq!(reported.status.position_valid(), gps[0].status.position_valid());
         prop_assert_eq!(reported.status.receivers_agreeing(), 5 * u8::from(gps[0].status.position_valid()));
         prop_assert_eq!(reported.status.position_valid(), reported.latitude.is_finite());

@@ -61,7 +61,7 @@ proptest! {
         prop_assert_eq!(given, accuracies.map(|said| decimal(said as i32, 3)));
     }
 
-    /// Among any four messages in a row, at least one arrives without the loss of a message before it.
+    /// Among any four messages in a row there is at least one before which no message was lost.
     #[test]
     fn messages_that_are_lost_now_and_then_do_not_lengthen_the_period(
         period in prop::sample::select(vec![25u32, 40, 100, 200, 250, 500, 1_000]),
@@ -228,7 +228,7 @@ fn a_receiver_that_is_not_due_may_be_left_alone_without_bytes() {
 
 #[test]
 fn a_false_start_hides_a_message_only_until_the_line_is_silent() {
-    // The false start is the header of a message of 200 bytes. A whole message follows it at once.
+    // The header of a message of 200 bytes comes without its payload, and a whole message follows at once.
     let mut receiver = Receiver::new();
     feed(&mut receiver, &[&[0xB5, 0x62, 0x01, 0x07, 200, 0], NavPvt::GOOD.bytes().as_slice()].concat(), 1_000);
     assert!(!receiver.solution().position.valid);
@@ -427,7 +427,6 @@ fn the_lag_is_the_arrival_less_the_time_of_week() {
         (0, week - 200, 200),
         (160, week - 100, 260),
         (300, 0, 300),
-        // A message that repeats a time of week does not renew the solution.
         (900, 0, 300),
         (week + 1_050, 1_000, 50),
         // These times of week lie beyond the end of the week. No receiver sends them.
@@ -472,8 +471,8 @@ fn a_silent_receiver_still_counts_as_silent_when_the_clock_wraps() {
     }
 }
 
-/// In recordings of real receivers, the parser must find exactly those NAV-PVT messages that a plain search for sync
-/// bytes finds, which computes checksums by itself. Without recordings the test is skipped.
+/// In recordings of real receivers, the parser must find exactly the NAV-PVT messages that a plain search finds. The
+/// search looks for sync bytes and computes checksums by itself. Without recordings the test is skipped.
 #[test]
 fn recordings_of_real_receivers_are_read_in_full() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/ubx");

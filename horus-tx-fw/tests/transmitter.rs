@@ -18,7 +18,6 @@ use st25r3916::{
 };
 use st25r3916_model::{AirEvent, Chip, Config, Space};
 
-/// The time that one byte takes on the SPI at 9 MHz, ns, rounded up.
 const BYTE_NS: u64 = 889;
 /// The time of a transfer's start and end, ns: an interrupt and its handler.
 const OVERHEAD_NS: u64 = 2_000;
@@ -43,7 +42,6 @@ struct Bench {
     frame: Range<usize>,
     hang: bool,
     aborted: u32,
-    /// The delay before the load of a frame's rest begins in the model, ns.
     rest_late_ns: u64,
 }
 
@@ -130,14 +128,13 @@ impl transmitter::FrontEndPort for Bench {
     }
 }
 
-/// The start and the payload of a frame that was on the air.
 struct Sent {
     at: u64,
     payload: Vec<u8>,
 }
 
-/// Runs `cycles` ticks and returns the frames that were on the air. `before` is called before each tick's profile is
-/// offered, and returns how late the offer is, ns after the tick.
+/// Runs `cycles` ticks and returns the frames that were on the air. `before` is called before the profile of each tick
+/// is offered. It returns how late the offer is, ns after the tick.
 fn run(cycles: u32, telemetry: &Telemetry, before: impl FnMut(u32, &mut Bench) -> u64) -> (Vec<Sent>, Bench) {
     run_on(Config::default(), cycles, telemetry, before)
 }
@@ -223,7 +220,6 @@ fn run_on(
                 AirEvent::FrameStart(start) => sent.push(Sent { at, payload: start.chunk.data }),
                 AirEvent::Bytes(chunk) => sent.last_mut().expect("it has started").payload.extend(chunk.data),
                 AirEvent::FrameEnd { bits } => {
-                    // The number `bits` includes the frame's LEN, payload and CRC-16.
                     let frame = sent.last_mut().expect("it has started");
                     assert!(frame.payload.len() * 8 >= bits as usize);
                     frame.payload.truncate(bits as usize / 8);
@@ -238,7 +234,6 @@ fn run_on(
     (sent, bench)
 }
 
-/// Whether `frame` has a frame's length, and every object in it is intact.
 fn is_whole(frame: &Sent) -> bool {
     let objects = air::objects::<RECEIVERS>(&frame.payload);
     objects.is_ok_and(|mut objects| objects.all(|(index, bytes)| Object::verify(index, bytes).is_ok()))
@@ -308,7 +303,7 @@ fn a_profile_offered_too_late_for_its_slot_is_never_sent() {
 #[test]
 fn a_frame_is_whole_if_its_rest_is_loaded_in_time() {
     let within_ns = u64::from(rest_within_us(9_000_000).expect("the SPI is the faster one")) * 1_000;
-    // In the model the frame begins a few µs after the command; the driver does not rely on that time.
+    // The driver allows for no delay from the command to the frame's first bit, although the model has a few µs.
     for (late_ns, dry) in [(within_ns - OVERHEAD_NS, false), (within_ns + 20_000, true)] {
         let telemetry = Telemetry::new();
         let (sent, bench) = run(40, &telemetry, |tick, bench| {

@@ -3,15 +3,15 @@
 //!
 //! # Bounds
 //!
-//! A right receiver of these models is off by up to [`RIGHT_M`] over ground (a bias that wanders with 0.8 to 1.1 m in
-//! each axis, of which five deviations in two axes are 7.8 m, white noise, and 30 ms of latency more or less at 16
-//! m/s). If one of three receivers is wrong, every result has a right receiver among its members, and each member
-//! agrees with that one. So the result is at most [`AGREE_M`] away from the right receiver, and at most the sum of both
-//! bounds away from the truth, whatever the wrong receiver does. If all three receivers are members, the median lies
-//! between the two right ones or on one of them.
+//! A right receiver of these models is off by up to [`RIGHT_M`] over ground. That is the sum of three errors: a bias
+//! that wanders with 0.8 to 1.1 m in each axis (five deviations in two axes are 7.8 m), white noise, and a latency that
+//! varies by 30 ms at 16 m/s. If one of three receivers is wrong, every result still has a right receiver among its
+//! members, and each other member agrees with that receiver. So the result is at most [`AGREE_M`] away from that right
+//! receiver, and at most the sum of both bounds away from the truth. If all three receivers are members, the median
+//! lies between the two right ones or on one of them.
 //!
-//! While the two right receivers agree with each other, there is a result at every tick. If they disagree, which is
-//! rare, nobody can tell which of them is right, and only the bound of the result's error is checked.
+//! While the two right receivers agree with each other, there is a result at every tick. They rarely disagree. If they
+//! do, nobody can tell which of them is right, and only the bound of the result's error is checked.
 
 use std::sync::Arc;
 
@@ -78,7 +78,6 @@ const KINDS: [Kind; 15] = [
     Kind::Heading,
 ];
 
-/// A sequence of numbers from a seed (SplitMix64).
 struct Draw(u64);
 
 impl Draw {
@@ -99,7 +98,7 @@ impl Draw {
 struct Failure {
     kind: Kind,
     from_ns: u64,
-    /// The direction of the error, north and east, up to 1.
+    /// The direction of the error as parts north and east, each up to 1.
     direction: [f64; 2],
     metres: f64,
     metres_per_s: f64,
@@ -169,7 +168,7 @@ impl Failure {
             }
             Kind::Checksum => {
                 let mut bytes = bytes;
-                // Each message's payload is changed, so that every message of the burst is damaged.
+                // Damages the payload of every message in the burst.
                 let mut start = 0;
                 while start < bytes.len() {
                     let length = usize::from(u16::from_le_bytes([bytes[start + 4], bytes[start + 5]]));
@@ -236,8 +235,8 @@ impl Failure {
     }
 }
 
-/// Returns a burst with changed payloads and right checksums: `all` changes every message's payload, given the offset
-/// of the time of week in it, and `pvt` changes the payload of NAV-PVT.
+/// Returns a burst with changed payloads and right checksums. `all` changes the payload of every message; its second
+/// argument is the offset of the time of week. `pvt` changes the payload of NAV-PVT.
 fn each(bytes: Vec<u8>, all: impl Fn(&mut [u8], usize), mut pvt: impl FnMut(&mut [u8])) -> Vec<u8> {
     let mut changed = Vec::new();
     let mut rest = bytes.as_slice();
@@ -253,7 +252,6 @@ fn each(bytes: Vec<u8>, all: impl Fn(&mut [u8], usize), mut pvt: impl FnMut(&mut
     changed
 }
 
-/// Returns the time of week of a burst, taken from NAV-PVT, which comes first.
 fn itow(burst: &[u8]) -> [u8; 4] {
     burst[6..10].try_into().expect("four bytes")
 }
@@ -264,13 +262,12 @@ struct Outcome {
     worst_m: f64,
     /// The time from the failure to the first tick at which the failed receiver is excluded, ms.
     excluded_after_ms: Option<u32>,
-    /// The time from the failure to the first tick from which on the failed receiver is not a member any more, ms.
+    /// The time from the failure to the first tick after which the failed receiver is never a member again, ms.
     left_after_ms: Option<u32>,
     /// The number of ticks without a result after [`SETTLED_MS`].
     without: u32,
     /// The number of ticks after [`SETTLED_MS`] at which the two right receivers would not agree if they voted alone.
     apart: u32,
-    /// The number of ticks at which a right receiver was excluded.
     wronged: u32,
     /// The number of ticks at which fewer receivers agreed than are fitted although the status did not say *degraded*.
     undegraded: u32,
@@ -441,7 +438,6 @@ fn one_of_three(runs: u64) {
     println!("altitude off by {worst_height:.2} m, heading by {worst_heading:.1} degrees at worst");
 }
 
-/// Makes two of three receivers fail, each in its own way and at its own time.
 fn two_of_three(runs: u64) {
     let (mut valid_far, mut worst, mut without) = (0, 0.0_f64, 0_u64);
     for seed in 0..runs {

@@ -14,7 +14,8 @@
 //!
 //! No two frames of one profile have the same length. So a frame's length determines which objects it carries, and each
 //! object's identifier confirms that when the object is [verified](crate::Object::verify). A frame is rejected only for
-//! a length that no frame of the profile has. A wrong CRC-16 rejects nothing: damage to GPS3 leaves Reported-Position.
+//! a length that no frame of the profile has. A wrong CRC-16 does not reject a frame, because damage to one object
+//! leaves the others intact.
 //!
 //! # Example
 //!
@@ -38,13 +39,13 @@ use crate::{GpsObject, Identifier, Profile, Rejection, ReportedPosition};
 /// The longest payload that an NFC-F frame can have, bytes. LEN is a single byte, which counts itself.
 pub const MAX_PAYLOAD: usize = 254;
 
-/// The longest payload of a profile's frames, bytes: that of the only frame for three receivers.
+/// The longest payload of a frame, bytes: the whole profile of three receivers.
 pub const LONGEST_PAYLOAD: usize = Profile::<3>::SIZE;
 
-/// The number of bytes of LEN, which counts itself.
+/// The size of a frame's length field LEN, bytes.
 pub const LEN_BYTES: usize = 1;
 
-/// The number of bytes after the payload: the CRC-16, which the chips add and check.
+/// The size of a frame's CRC-16, bytes. The RFID chips add and check it.
 pub const CRC_BYTES: usize = 2;
 
 /// The shortest time between the end of a frame and the start of the next frame, µs. The listener uses it to read the
@@ -57,7 +58,7 @@ const OVERHEAD_BITS: u64 = 48 + 16 + 8 + 16;
 
 const BIT_CARRIER_PERIODS: u64 = 32;
 
-/// The length of 678 periods of the carrier, ns. In no fewer periods does a whole number of ns pass.
+/// The length of 678 periods of the carrier, ns: the fewest periods that take a whole number of ns.
 const NS_PER_678_PERIODS: u64 = 50_000;
 
 /// The air time of a frame with `payload` bytes, ns, from the first preamble bit to the last bit of the CRC-16.
@@ -71,7 +72,7 @@ pub const fn air_time_ns(payload: u8) -> u64 {
     (bits * BIT_CARRIER_PERIODS * NS_PER_678_PERIODS + 339) / 678
 }
 
-/// The [`air_time_ns`] of a payload of at most [`LONGEST_PAYLOAD`] bytes: µs, rounded up.
+/// The air time of a frame with a payload of at most [`LONGEST_PAYLOAD`] bytes, µs, rounded up.
 const fn air_time_us(payload: usize) -> u32 {
     let [payload, ..] = payload.to_le_bytes();
     let [b0, b1, b2, b3, ..] = air_time_ns(payload).div_ceil(1_000).to_le_bytes();
@@ -88,8 +89,6 @@ const fn air_time_us(payload: usize) -> u32 {
 /// | 2 | 80 | – |
 /// | 3 | 100 | – |
 /// | 5 | 120 | 4130 |
-///
-/// `horus-tx-fw` asserts that its work before each frame fits these times.
 #[must_use]
 pub const fn send_slot_us<const N: usize>(frame: usize) -> Option<u32> {
     match (N, frame) {
@@ -184,7 +183,7 @@ pub fn split<const N: usize>(profile: &Profile<N>) -> impl FusedIterator<Item = 
 ///
 /// # Errors
 ///
-/// [`Rejection::Length`] if no frame of a profile of `N` receivers is that long.
+/// [`Rejection::Length`] if no frame of a profile of `N` receivers is as long as `payload`.
 pub fn place<const N: usize>(payload: &[u8]) -> Result<Place, Rejection> {
     (0..frames(N))
         .filter_map(Place::of_frame::<N>)
@@ -197,7 +196,7 @@ pub fn place<const N: usize>(payload: &[u8]) -> Result<Place, Rejection> {
 ///
 /// # Errors
 ///
-/// [`Rejection::Length`] if no frame of a profile of `N` receivers is that long.
+/// [`Rejection::Length`] if no frame of a profile of `N` receivers is as long as `payload`.
 pub fn objects<const N: usize>(payload: &[u8]) -> Result<Objects<'_>, Rejection> {
     let place = place::<N>(payload)?;
     Ok(Objects { next: place.first, rest: payload })

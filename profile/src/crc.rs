@@ -18,13 +18,12 @@
 //! would not be. One pass over the whole object with its CRC also ends in a [fixed residue](FRAME_RESIDUE), so
 //! [`frame_intact`] is one pass and one comparison.
 //!
-//! **The frame CRC has four tables of 256 words** (`FourTables`), 4 KiB of flash, with which one step processes four
-//! bytes. On a Cortex-M4 that step takes about 20 cycles; four steps of one byte with one table take 32. Both boards
-//! spend most of their checks on this CRC, which closes every object and their flash. The position CRC covers 20 bytes
-//! of a profile and has one table (1 KiB).
+//! **The frame CRC uses four tables of 256 words** (`FourTables`, 4 KiB of flash), so that one step processes four
+//! bytes. On a Cortex-M4 that takes about 20 cycles instead of 32. Both boards check every object and their flash with
+//! this CRC. The position CRC covers only 20 bytes of a profile, so it has one table (1 KiB).
 //!
-//! The number of operations does not depend on the data. The number of processor cycles may: a data cache before the
-//! flash, like that of the STM32F4's ART accelerator (RM0090, section 3), makes it vary by its misses.
+//! A CRC takes the same number of operations for any data of one length. Its processor cycles may still vary with the
+//! misses of a cache before the flash, such as the STM32F4's ART accelerator (RM0090, section 3).
 use ::crc::{Algorithm, Crc, Table};
 
 /// The frame CRC, which closes every object: Koopman 0xF8C9140A, Hamming distance 8 over any object (paper, section
@@ -89,7 +88,6 @@ impl FourTables {
         Self(tables)
     }
 
-    /// Returns the CRC register after `bytes`, where `register` is the CRC register before them.
     fn update(&self, mut register: u32, bytes: &[u8]) -> u32 {
         let [behind_0, behind_1, behind_2, behind_3] = &self.0;
         let (words, rest) = bytes.as_chunks();
@@ -187,8 +185,8 @@ impl Begun {
         *self = Self { register, bytes: self.bytes.max(there) };
     }
 
-    /// Whether `bytes`, an object whose last four bytes are its frame CRC, are intact. This CRC must cover a beginning
-    /// of `bytes`.
+    /// Whether the object `bytes` is intact by the frame CRC in its last four bytes. The bytes that this CRC already
+    /// covers must be the beginning of `bytes`.
     #[must_use]
     pub fn is_intact(mut self, bytes: &[u8]) -> bool {
         self.follow(bytes);

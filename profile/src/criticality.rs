@@ -184,7 +184,7 @@ impl fmt::Display for Criticality {
     }
 }
 
-/// A function of the system that writes objects: the value for the type [`Role`].
+/// A function of the system that writes objects, as a value; a [`Role`] is the same as a type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Function {
     /// The base station.
@@ -251,13 +251,13 @@ roles! {
     Dpr,
 }
 
-/// The role may send to the role `To`, because the [table](self) has a cell for the two that is not empty.
+/// The role may send to the role `To`, because the [table](self)'s cell for these two roles is not empty.
 pub trait Sends<To: Role>: Role {
     /// The criticality of what the role sends to the role `To`.
     const CRITICALITY: Criticality;
 }
 
-/// Turns each cell of the table, one a line, into an implementation of [`Sends`] and a result of [`criticality`].
+/// Makes an implementation of [`Sends`] and a case of [`criticality`] from each cell of the table.
 macro_rules! cells {
     ($($from:ident => $to:ident: $criticality:ident;)*) => {
         $(
@@ -305,7 +305,7 @@ pub mod object {
 
     use super::{ActiveLoad, Dpr, FlightController, Horus, Role, WritesUplink};
 
-    /// An object of the map, or all objects of one kind.
+    /// An object of the memory map, or a kind of object with one writer.
     pub trait MapObject {
         /// The only role that writes the object.
         type Writer: Role;

@@ -1,7 +1,7 @@
 //! Freshness: what a timestamp says, compared with the one before it.
 //!
-//! [`sequence`](crate::sequence) decides whether a cycle may be shown, for which it also uses the receiver's clock. The
-//! function here is for recorded or forwarded data, whose time of arrival has no meaning.
+//! This module is for recorded or forwarded data, whose time of arrival has no meaning. For data on arrival,
+//! [`sequence`](crate::sequence) decides whether a cycle may be shown; it also uses the receiver's clock.
 use crate::CYCLE_MS;
 
 /// The relation of a timestamp to the one before it (paper, section 2.3).
@@ -11,14 +11,14 @@ pub enum Freshness {
     First,
     /// The timestamp is ahead by a whole number of cycles: the data are new.
     Fresh {
-        /// The number of cycles between the two timestamps; their data did not arrive.
+        /// The number of cycles that did not arrive between the two timestamps.
         missed: u32,
     },
     /// The timestamp repeats the last one: HORUS is frozen, or a frame was repeated.
     Frozen,
     /// The timestamp is behind the last one: HORUS has restarted and counts from 0.
     Restarted,
-    /// The timestamp is ahead of the last one, but not by a whole number of cycles, which HORUS never sends.
+    /// The timestamp is ahead of the last one, but not by a whole number of cycles. HORUS never sends such a timestamp.
     Irregular,
 }
 
@@ -32,8 +32,8 @@ impl Freshness {
 
 /// The relation of timestamp `now` to `previous`, the timestamp before it; both in ms since HORUS's start.
 ///
-/// Timestamps wrap after 49.7 days. A timestamp is ahead by less than half of that time, or else it is behind. So a
-/// HORUS that restarts after more than 24.8 days looks like one whose timestamp advanced.
+/// Timestamps wrap after 49.7 days. A step of less than 24.8 days, half of that, counts as an advance, and a larger one
+/// as a step back. So a HORUS that restarts after more than 24.8 days looks like one whose timestamp advanced.
 ///
 /// ```
 /// use profile::{Freshness, freshness};

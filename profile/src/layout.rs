@@ -22,7 +22,7 @@ use crate::image::Image;
 use crate::map::Map;
 use crate::{Profile, Rejection};
 
-/// Evaluates an expression that needs the number of receivers as a constant, for a number known at run time.
+/// Calls code that is generic over the number of receivers `N` with a number that is only known at run time.
 macro_rules! with_receivers {
     ($receivers:expr, $n:ident => $answer:expr) => {
         match $receivers {
@@ -46,7 +46,6 @@ macro_rules! with_receivers {
     };
 }
 
-/// The numbers of receivers that a profile can have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Receivers {
     One,
@@ -166,7 +165,7 @@ impl Layout {
     ///
     /// # Errors
     ///
-    /// [`Rejection::Length`] if no frame of a profile with this number of receivers is that long.
+    /// [`Rejection::Length`] if no frame of a profile with this number of receivers is as long as the payload.
     pub fn objects_of(self, payload: &[u8]) -> Result<Objects<'_>, Rejection> {
         with_receivers!(self.receivers, N => air::objects::<N>(payload))
     }

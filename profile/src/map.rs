@@ -16,7 +16,7 @@
 //! A transaction without a request reads the map from its start. So a flight controller that clocks as many bytes as
 //! the image has reads only the image.
 //!
-//! The functions here take the [writer](Writer) of the role that an object belongs to, so types enforce the write
+//! This module's functions take the [writer](Writer) of the role that an object belongs to, so types enforce the write
 //! permissions.
 use core::{fmt, ops::Range};
 

@@ -53,7 +53,6 @@ macro_rules! object {
                 bytemuck::must_cast_ref(self)
             }
 
-            /// Returns this object with the frame CRC of its contents.
             fn sealed(mut self) -> Self {
                 let [covered @ .., _, _, _, _] = self.as_bytes();
                 self.crc = $crate::wire::CrcBe::new($crate::crc::frame(covered));

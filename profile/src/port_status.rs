@@ -3,9 +3,10 @@
 //! # Access violations
 //!
 //! In a transaction the flight controller may write a [request](crate::ssi), after it one
-//! [object](crate::uplink::Written), and nothing after that. Each of these three *parts* is judged separately. A part
-//! is *idle* if all of its received bytes are 0x00 or all are 0xFF; that is no violation. Every other part that the DPR
-//! does not accept counts once, under the first of these kinds ([`Violation`]) that holds for it:
+//! [object](crate::uplink::Written), and nothing after that. Each of these three *parts* (request, object, rest) is
+//! judged separately. A part is *idle* if all of its received bytes are 0x00 or all are 0xFF; that is no violation.
+//! Every other part that the DPR does not accept counts once, under the first of these kinds ([`Violation`]) that holds
+//! for it:
 //!
 //! | kind | part | meaning |
 //! |---|---|---|
@@ -168,7 +169,7 @@ pub struct PortValues {
     pub status: PortStatusBits,
     /// Uplinks that were stored since the DPR's start or since the counters were cleared.
     pub uplinks_accepted: u32,
-    /// Commands carried out since the DPR's start, or since the counters were cleared, with the clearing command.
+    /// Commands carried out since the DPR's start, or since a command cleared the counters. That command is included.
     pub commands_carried_out: u32,
     /// The timestamp of the last command that was carried out, ms on the flight controller's clock; 0 if none was.
     pub last_command_timestamp: u32,

@@ -3,7 +3,7 @@ use core::{error::Error, fmt, hint::black_box};
 
 /// The reason why received bytes are not accepted.
 ///
-/// If several reasons hold, the result is the one that comes first in the order below. Later versions may add reasons.
+/// If several reasons hold, the result is the first in the order of the variants. Later versions may add reasons.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Rejection {
@@ -14,7 +14,7 @@ pub enum Rejection {
     /// The frame CRC is right, but the CRC over latitude and longitude is wrong: the sender had a fault when it sealed
     /// the object.
     PositionCrc,
-    /// The bytes are intact, but are another object than the one that belongs here.
+    /// The bytes are an intact object, but not the expected one.
     Identifier,
     /// The bytes are an intact request for a window that is not in the map.
     Window,

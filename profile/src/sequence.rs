@@ -56,15 +56,15 @@ use crate::{CYCLE_MS, Freshness, freshness};
 pub const MAX_MISSED: u32 = 25;
 
 /// The tolerance, µs, for the difference between the receiver's time from one cycle to the next and the timestamps'
-/// step; [`TOLERANCE_SHARE`] is added. A quarter of a cycle allows for a late transmission and a late interrupt, and is
-/// too short to mistake one step for another.
+/// step; [`TOLERANCE_SHARE`] is added. It is a quarter of a cycle: enough for a late transmission and a late interrupt,
+/// and too short to mistake one step for another.
 pub const TOLERANCE_US: u32 = 2_500;
 
 /// The timestamps' step is divided by this number for a second tolerance, 2 %. HORUS without its crystal deviates by 1
 /// %.
 pub const TOLERANCE_SHARE: u32 = 50;
 
-/// The tolerance for the 10 ms between two cycles during a search, µs, in both directions.
+/// The tolerance, µs in both directions, for the 10 ms between two cycles during a search.
 pub const SEARCH_TOLERANCE_US: u32 = 500;
 
 /// The number of cycles in a row that must each advance by exactly one cycle before cycles are shown.
@@ -104,8 +104,8 @@ pub enum Judgement {
     Frozen,
     /// The cycle's timestamp is before the last one: HORUS has restarted, or frames are reordered.
     Restarted,
-    /// The timestamp is ahead of the last one, but not by a whole number of cycles, or more than [`MAX_MISSED`] cycles
-    /// are missing.
+    /// The timestamp is ahead of the last one, but not by a whole number of cycles, or by so much that more than
+    /// [`MAX_MISSED`] cycles are missing.
     Irregular,
     /// The timestamp is ahead of the last one by a possible step, but the cycle comes too early for that step.
     Early,

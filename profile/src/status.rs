@@ -263,7 +263,7 @@ impl GpsStatus {
         const OLDEST_MS: u32 = 62 * STEP_MS;
         let steps: u32 = match age_ms {
             None => 63,
-            // The minimum has no branch, so that the time for filling a profile does not depend on an age.
+            // `min` has no branch, so that the time for filling a profile does not depend on a solution's age.
             Some(age_ms) => (if age_ms < OLDEST_MS { age_ms } else { OLDEST_MS }) / STEP_MS,
         };
         let [steps, ..] = steps.to_le_bytes();
@@ -288,7 +288,7 @@ bit_set! {
     /// detects a deviation of more than 2 %.
     without_crystal, with_without_crystal = 7;
     /// Bit 12: flash, code or RAM did not hold the written contents. HORUS has found this since its start, or stopped
-    /// for it before.
+    /// because of it before that start.
     memory_fault, with_memory_fault = 12;
 }
 

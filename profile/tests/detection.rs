@@ -133,7 +133,7 @@ proptest! {
     }
 }
 
-/// The effect of each of `bits` single bits on the CRC register, beginning with the last bit. The CRC does not detect a
+/// The effect of each single wrong bit of a frame on the CRC register, the last bit first. The CRC does not detect a
 /// set of wrong bits whose effects cancel each other.
 fn syndromes(polynomial: u32, bits: usize) -> Vec<u32> {
     let mut syndrome = 1_u32;
@@ -157,9 +157,9 @@ fn the_frame_crc_has_hamming_distance_8_over_the_longest_object() {
     // The generator polynomial has an even number of terms, its leading x³² included. So x + 1 divides it, and every
     // odd number of wrong bits is detected.
     assert_eq!((1 + crc::FRAME.poly.count_ones()) % 2, 0);
-    // If no two different sets of three bits have the same sum, every error of 2, 4 or 6 bits is detected: two sets
-    // that share one bit stand for 4 wrong bits, two that share two for 2. The paper states this distance for 56 bytes
-    // and their CRC; this test covers the 60 bytes of Reported-Position and their CRC.
+    // If no two different sets of three bits have the same sum, every error of 2, 4 or 6 bits is detected. The paper
+    // states this distance for 56 bytes and their CRC; this test covers the 60 bytes of Reported-Position and their
+    // CRC.
     let s = syndromes(crc::FRAME.poly, 8 * ReportedPosition::SIZE);
     let mut sums = Vec::new();
     for a in 0..s.len() {

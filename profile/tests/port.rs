@@ -198,7 +198,6 @@ fn the_map_is_the_image_and_then_the_port<const N: usize>() {
     assert_eq!(Map::<N>::EMPTY, Map::new(Image::EMPTY, PortArea::EMPTY));
     assert_ne!(map, Map::EMPTY);
 
-    // The functions that return a writer's part of the map must agree with the map's layout.
     let mut written = vec![0; len + 192];
     *map::port_area_mut::<_, N>(DPR, &mut written).expect("in the map") = *port.as_bytes();
     *map::link_status_mut(DPR, &mut written).expect("in the map") = *LinkStatus::seal(&seeds::link_values()).as_bytes();

@@ -13,8 +13,8 @@ fn held(timestamp: u32, at_us: u64) -> Sequence {
     sequence
 }
 
-/// The judgement of a cycle that follows a found sequence: its timestamp is `step_ms` later than the last one, its
-/// sample `passed_us` later on the receiver's clock.
+/// The judgement of a cycle that follows a found sequence. The cycle's timestamp is `step_ms` later than the last one.
+/// Its sample is `passed_us` later on the receiver's clock.
 fn step(step_ms: u32, passed_us: i64) -> Judgement {
     let start_us = 1_000_000_u64;
     held(5_000, start_us).judge(5_000_u32.wrapping_add(step_ms), start_us.wrapping_add_signed(passed_us))
@@ -180,7 +180,7 @@ fn a_wrap_of_the_timestamp_is_no_break() {
 
 #[test]
 fn no_silence_is_long_enough_to_look_like_one_cycle() {
-    // After 2³² µs a counter of 32 bits would have the same value again, and after 2³² ms a timestamp.
+    // A silence of 2³² µs or 2³² ms must not look like a single cycle because a 32-bit counter or a timestamp wraps.
     for silence_us in [1_u64 << 32, 1 << 33, 1_000 << 32, 1 << 62] {
         let mut sequence = held(5_000, 70_000);
         assert_eq!(sequence.judge(5_010, 80_000 + silence_us), Judgement::Late);
@@ -240,8 +240,6 @@ fn a_clock_off_by_over_2_percent_is_reported_within_two_windows() {
 #[test]
 fn the_clocks_are_compared_over_one_second_and_not_less() {
     let mut sequence = held(5_000, 40_000);
-    // The window over which clocks are compared begins with the cycle that found the sequence. It ends 100 cycles
-    // later.
     assert_eq!(run(&mut sequence, 10_000, 1), None);
     let mut sequence = held(5_000, 40_000);
     assert_eq!(run(&mut sequence, 12_500, 300), Some(80));
@@ -270,7 +268,7 @@ fn with_the_sequence_what_was_found_of_the_clock_is_lost() {
     assert_eq!(run(&mut sequence, 12_500, 100), Some(80));
 }
 
-/// The definition of a sequence, applied to the whole history each time.
+/// The definition of a sequence as a test oracle, which judges the whole history of cycles anew each time.
 mod oracle {
     pub(crate) type Arrival = (u32, i128);
 
@@ -291,8 +289,8 @@ mod oracle {
         advance(before, now) == Some(10) && (9_500..=10_500).contains(&(now.1 - before.1))
     }
 
-    /// Whether the last cycle of `history` is in sequence: `history` must have three exact steps in a row, after which
-    /// each step continues the one before.
+    /// Whether the last cycle of `history` is in sequence: three exact steps in a row find the sequence, and each later
+    /// step continues it.
     pub(crate) fn in_sequence(history: &[Arrival]) -> bool {
         let steps: Vec<_> = history.windows(2).map(|pair| (pair[0], pair[1])).collect();
         (3..=steps.len()).any(|end| {
@@ -301,7 +299,7 @@ mod oracle {
         })
     }
 
-    /// The index of the cycle at which the sequence was found to which the last cycle of `history` belongs.
+    /// Returns the index of the cycle that found the sequence to which the last cycle of `history` belongs.
     fn found(history: &[Arrival]) -> Option<usize> {
         (0..history.len()).find(|&cycle| (cycle..history.len()).all(|end| in_sequence(&history[..=end])))
     }

@@ -53,7 +53,6 @@ fn gps_values(timestamp: u32, status: u16, f64s: [u64; 3], f32s: [u32; 6]) -> Gp
     }
 }
 
-/// Draws bit patterns of an f64. Among them are those that a careless copy would change.
 fn any_f64() -> impl Strategy<Value = u64> {
     prop_oneof![
         any::<u64>(),

@@ -66,7 +66,8 @@ impl DualWeights {
         }
     }
 
-    /// Returns the distribution whose `counts[w]` words of weight w, from 0 to the length, were counted before.
+    /// Returns the distribution with `counts[w]` words of weight w, for w from 0 to the length. The words were counted
+    /// before.
     #[must_use]
     pub fn from_counts(counts: Vec<u64>) -> Self {
         Self { counts }

@@ -12,12 +12,12 @@
 //!
 //! # The method
 //!
-//! The dual of the joint code has 2^64 words, too many to count. But a word of low weight is an inner codeword of low
-//! weight, and a few bits elsewhere with the same syndrome in the outer code. The inner code has no words below its
-//! distance and few just above it. So the search finds all inner words of weight up to [`MAX_WEIGHT`] ([`Words`]) and
-//! looks up the outer syndrome of each among the sums of 0, 1, 2, 3 columns of the 352 bits elsewhere. From the
-//! smallest total weight on, each combination of a weight inside and one outside either has a word or is excluded. An
-//! odd total weight needs no search if x + 1 divides the outer polynomial.
+//! The dual of the joint code has 2^64 words, too many to count. But a word of low weight consists of an inner codeword
+//! of low weight and of a few bits elsewhere, and both parts have the same syndrome in the outer code. The inner code
+//! has no words below its distance and few just above it. So the search finds all inner words of weight up to
+//! [`MAX_WEIGHT`] ([`Words`]). It looks up the outer syndrome of each among the sums of 0, 1, 2, 3 columns of the 352
+//! bits elsewhere. From the smallest total weight on, each combination of a weight inside and one outside either has a
+//! word or is excluded. An odd total weight needs no search if x + 1 divides the outer polynomial.
 use std::collections::HashMap;
 use std::num::NonZero;
 
@@ -90,7 +90,6 @@ impl Joint {
             (0..nesting.outer_bits).filter(|place| !inside.contains(place)).map(|place| place as u16).collect();
         let outside = Outside::new(&columns, outside);
         let mut examined = Vec::new();
-        // Inner codewords of a weight are searched for when that weight is first needed.
         let mut inner_words: Vec<Words> = Vec::new();
         for total in 1.. {
             if nesting.outer.is_even() && total % 2 == 1 {
@@ -100,8 +99,8 @@ impl Joint {
             let mut complete = true;
             for weight in 1..=total {
                 if weight > MAX_WEIGHT || total - weight > MAX_OUTSIDE {
-                    // These numbers of errors inside and outside are too large for the search. They are excluded only
-                    // if no inner codeword has that weight.
+                    // The search cannot reach this many errors inside or outside. They are excluded only if no inner
+                    // codeword has this weight.
                     complete &= weight <= MAX_WEIGHT
                         && words_of(&mut inner_words, nesting, weight, threads).starting_at_0().is_empty();
                     continue;
@@ -130,7 +129,7 @@ impl Joint {
             }
             if !words.is_empty() {
                 words.sort_unstable();
-                // No smaller total weight is possible, because the search would have ended with it.
+                // This is the smallest total weight, because the search goes from small to large.
                 return Self { distance: Some(total), at_least: total, examined, words };
             }
             if !complete {

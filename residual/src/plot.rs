@@ -1,7 +1,7 @@
 //! Plots the probability of an undetected error, P_ud, over the bit error rate as SVG: a panel for each length in use,
 //! a line for each polynomial, and the bounds.
 //!
-//! Coordinates are whole pixels and text stays text, so the file is the same on every machine.
+//! Coordinates are whole pixels and text stays text, so the drawing is the same on every machine.
 use std::error::Error;
 
 use plotters::prelude::*;

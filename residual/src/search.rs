@@ -7,9 +7,9 @@
 //! search for equal ones.
 //!
 //! **Only words that begin at bit 0 are searched.** A CRC's codeword that is shifted by a bit is again a codeword. So a
-//! word that begins at bit 0 and spans m bits occurs n - m + 1 times in n. With bit 0 given, and for an even weight
-//! each possible highest bit in turn, 2h bits remain. Each word is counted once, with the h lower bits as its first
-//! half.
+//! word that begins at bit 0 and spans m bits occurs n - m + 1 times in n. With bit 0 given, 2h bits remain; for an
+//! even weight, each possible highest bit is given in turn as well. Each word is counted once, with the h lower bits as
+//! its first half.
 //!
 //! **The data stay in the cache.** The halves are sorted into 2^16 buckets by the upper bits of their sums, so matching
 //! halves lie in matching buckets. A bitmap of 8 KiB over the lower bits shows whether one bucket has a partner for an

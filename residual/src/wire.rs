@@ -268,8 +268,8 @@ pub fn inject_words<'a>(object: Object, words: impl IntoIterator<Item = &'a [u16
 /// Returns random codewords of `weight` ones in the code of `polynomial` at `length` bits, as the positions of set
 /// bits.
 ///
-/// The words are made of random halves with equal sums, of which there are enough. All codewords of that weight are
-/// equally probable.
+/// Each word is made of two random halves with equal sums, and there are enough of these halves. All codewords of that
+/// weight are equally probable.
 #[must_use]
 pub fn random_codewords(polynomial: Polynomial, length: usize, weight: usize, count: usize) -> Vec<Vec<u16>> {
     const HALVES: usize = 1 << 19;
@@ -341,7 +341,7 @@ pub enum Expected {
 }
 
 impl Check {
-    /// Whether the outcome is the required one.
+    /// Whether the injection had the required outcome.
     #[must_use]
     pub const fn holds(&self) -> bool {
         let passed = self.injected.accepted + self.injected.identifier;

@@ -73,8 +73,8 @@ fn profile_computes_with_these_polynomials_and_not_with_their_koopman_digits() {
 
 #[test]
 fn koopman_digits_taken_for_normal_ones_lose_the_distance() {
-    // Both polynomials end in an even digit in Koopman's notation. In the usual notation such digits are divisible by
-    // x, so the last bit of an object would be unprotected.
+    // In Koopman's notation both polynomials end in an even digit. Read in the usual notation, they are divisible by x
+    // and leave the last bit of an object unprotected.
     for named in [FRAME, POSITION] {
         assert_eq!(Polynomial::from_normal(32, named.polynomial.koopman()), None, "{}", named.name);
         let algorithm = Box::leak(Box::new(crc::Algorithm {
@@ -88,7 +88,7 @@ fn koopman_digits_taken_for_normal_ones_lose_the_distance() {
             residue: 0,
         }));
         let misused = crc::Crc::<u32>::new(algorithm);
-        // Bit 0 of the check value depends only on the last data bits, so only 31 check bits protect the rest.
+        // The lowest check bit depends only on the last data bits, so only 31 check bits protect the rest.
         let lowest: Vec<u32> = (0..=255_u8).map(|byte| misused.checksum(&[0x48, byte, 0x17, 0x99, 0x03]) & 1).collect();
         assert!(lowest.iter().all(|bit| *bit == lowest[0]), "{}: the lowest check bit checks nothing", named.name);
     }

@@ -71,7 +71,7 @@ fn position_codewords_are_caught_by_the_frame_crc() {
         .map(|word| word.iter().map(|place| place + Nesting::REPORTED_POSITION.bits_after as u16).collect())
         .collect();
     none_pass(wire::inject_words(Object::ReportedPosition, words.iter().map(Vec::as_slice)), words.len() as u64);
-    // These words are codewords of the position code, so the position CRC alone does not detect them.
+    // The injected words are codewords of the position code, so the position CRC alone does not detect them.
     let sealed = Object::ReportedPosition.sealed();
     assert!(profile::crc::position_intact(&sealed[8..28]));
     for word in &words {

@@ -204,7 +204,7 @@ impl Answerer {
         self.state
     }
 
-    /// The state of the listener within the answerer, which is at work in [`AnswererState::Listening`].
+    /// The state of the listener within the answerer. The listener is at work in [`AnswererState::Listening`].
     #[must_use]
     pub const fn listener_state(&self) -> ListenerState {
         self.listener.state()
@@ -307,7 +307,6 @@ impl Answerer {
         let (state, step) = match sending {
             Sending::Transfer(state, transfer) => (AnswererState::Sending(state), Step::Transfer(transfer)),
             Sending::Wait(state, us) => (AnswererState::Sending(state), Step::Wait { us }),
-            // The payload is ready when `answer` is called, so its first bytes are loaded at once.
             Sending::Prepared => {
                 let sending = self.sender.head();
                 return self.sending(sending);

@@ -57,7 +57,6 @@ struct Wires<SPI: SpiDevice, IRQ: InputPin, DELAY> {
     irq: IRQ,
     delay: DELAY,
     response: [u8; Short::MAX],
-    /// The payload that is sent, or the frame that was received.
     frame: [u8; BUFFER],
     made: Made,
     left_us: u32,
@@ -143,12 +142,12 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Port for Wires<SPI, IRQ, DEL
     }
 }
 
-/// The next event `E` of a state machine; `None` if the time limit ends first.
 type Next<E, S, P> = Result<Option<E>, Error<S, P>>;
 
 type Blocking<M, SPI, IRQ, DELAY> = Executor<M, Wires<SPI, IRQ, DELAY>>;
 
-/// Returns `event`, or else the next event. `None` if waiting takes `limit_us` in total, µs, before an event comes.
+/// Returns `event` if there is one, else waits for the machine's next event. Returns `None` after `limit_us` of
+/// waiting, µs, without an event.
 fn next<M: Machine, SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs>(
     executor: &mut Blocking<M, SPI, IRQ, DELAY>,
     mut event: Option<M::Event>,
@@ -265,8 +264,8 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Listener<SPI, IRQ, DELAY> {
         self.0.machine().variant()
     }
 
-    /// Waits for the next event. Returns `None` if `limit_us` of waiting, in µs, end first. A fault is an event too,
-    /// from which the next call recovers.
+    /// Waits for the next event. Returns `None` if no event comes before the waiting has lasted `limit_us`, µs. A fault
+    /// is an event too; the next call recovers from it.
     ///
     /// # Errors
     /// The SPI bus or the IRQ pin failed. The next call recovers.

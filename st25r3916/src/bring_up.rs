@@ -96,8 +96,6 @@ impl Role {
         [operation, mode, rate]
     }
 
-    /// Checks that a [`CONFIGURATION_READ`] found the registers as they were set.
-    ///
     /// # Errors
     /// [`Fault::Reset`] if the oscillator is not switched on, [`Fault::Register`] if another bit is wrong.
     pub(crate) fn check_configuration(self, response: &[u8]) -> Result<(), Fault> {
@@ -159,8 +157,6 @@ impl Setting {
         self.access(command::READ, ZEROS.get(..self.values.len()).unwrap_or(&ZEROS))
     }
 
-    /// Checks the response to [`Setting::read`].
-    ///
     /// # Errors
     /// [`Fault::Register`] names the first register that differs.
     fn check(self, response: &[u8]) -> Result<(), Fault> {
@@ -169,7 +165,6 @@ impl Setting {
     }
 }
 
-/// Checks that the registers from `address` on have the values that were written.
 fn check(address: u8, set: &[u8], found: &[u8]) -> Result<(), Fault> {
     // Not covered: another length, since a response is as long as its transfer.
     if set.len() != found.len() {
@@ -323,7 +318,8 @@ const ANSWERING_B: Listening = Listening {
 const LISTENER_A: [Setting; 9] = listener(MUTE, &reg::ANTENNA_TUNING_LISTENER_A);
 const LISTENER_B: [Setting; 9] = listener(MUTE, &reg::ANTENNA_TUNING_LISTENER_B);
 const ANSWERER_A: [Setting; 9] = listener(ANSWERING_A, &reg::ANTENNA_TUNING_LISTENER_A);
-/// The settings of an ST25R3916B that answers. Its driver's supply is set as a poller's, as in ST's library.
+/// The settings of an ST25R3916B that answers. The supply of its antenna driver is set as for a poller, as in ST's
+/// library.
 const ANSWERER_B: [Setting; 10] = {
     let [silent, modulation, driver, antenna, field, receiver, correlator, masks, mode] =
         listener(ANSWERING_B, &reg::ANTENNA_TUNING_LISTENER_B);
@@ -389,8 +385,8 @@ impl Awaited {
         }
     }
 
-    /// The fault if the interrupt does not come in time. `None` for the RC calibration, after which the chip falls back
-    /// to a default.
+    /// The fault if the interrupt does not come in time. `None` for the RC calibration: without the interrupt the chip
+    /// falls back to a default.
     const fn fault(self) -> Option<Fault> {
         match self {
             Self::Oscillator => Some(Fault::Oscillator),
@@ -421,7 +417,7 @@ enum Phase {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Progress {
     Transfer(Short),
-    /// Wait for the IRQ pin, at most this many µs.
+    /// The machine waits for the IRQ pin, at most this many µs.
     Wait(u32),
     Finished,
     Failed(Fault),
@@ -587,8 +583,8 @@ impl BringUp {
         self.issue()
     }
 
-    /// Issues the operation at `index`, or the one after it if this type of chip needs none there. No two operations in
-    /// a row are skipped and each part has an operation, so the loop runs at most three times.
+    /// Issues the operation at `index`, or the next one if this type of chip does not need that operation. No two
+    /// operations in a row are skipped and each part has an operation, so the loop runs at most three times.
     fn issue(&mut self) -> Progress {
         self.phase = Phase::Sent;
         loop {
@@ -626,8 +622,8 @@ impl BringUp {
     }
 
     fn operation(&self) -> Operation {
-        // The identity is read before every operation that depends on the type, and bring-up fails without a known
-        // type. So the default is never used.
+        // Bring-up reads the chip's type before every operation that depends on it, and fails if the type is unknown.
+        // So the default is never used.
         let variant = self.variant.unwrap_or(Variant::A);
         match self.part {
             Part::Power => self.power(variant),
@@ -664,8 +660,6 @@ impl BringUp {
         self.turn().map_or(CONFIGURATION_READ, Setting::read)
     }
 
-    /// Checks the response to [`BringUp::read_next`] and advances to the next setting.
-    ///
     /// # Errors
     /// [`Fault::Register`] if a register differs from its setting, or the errors of [`Role::check_configuration`].
     pub(crate) fn check_next(&mut self, response: &[u8]) -> Result<(), Fault> {

@@ -25,7 +25,7 @@ pub const TRANSMIT_WITH_CRC: Short = Short::new([0xC4]);
 pub const MASK_RECEIVE_DATA: Short = Short::new([0xD0]);
 /// Unmask receive data: the receiver reports the next frame.
 pub const UNMASK_RECEIVE_DATA: Short = Short::new([0xD1]);
-/// Reset the receiver's gain to its configured value, which squelch and gain control have changed. ST's library sends
+/// Reset the receiver's gain, which squelch and gain control have changed, to its configured value. ST's library sends
 /// this command before each exchange.
 pub const RESET_RECEIVER_GAIN: Short = Short::new([0xD5]);
 /// Adjust the regulators to the supply. The chip raises I_dct at the end, at most 5 ms later.

@@ -145,7 +145,7 @@ pub enum ExchangeState {
     Receiving,
     /// The status is being read.
     ReadingStatus {
-        /// Whether the wait before this read ended by its time limit.
+        /// Whether the wait before this read timed out.
         late: bool,
     },
     /// The bytes of the answer are being read.
@@ -229,7 +229,7 @@ impl Exchange {
         self.state
     }
 
-    /// The state of the poller within the exchange, which is at work in [`ExchangeState::Polling`].
+    /// The state of the poller within the exchange. The poller is at work in [`ExchangeState::Polling`].
     #[must_use]
     pub const fn poller_state(&self) -> PollerState {
         self.poller.state()

@@ -16,8 +16,8 @@ use crate::{Answerer, AnswererEvent, Exchange, ExchangeEvent, Listener, Listener
 /// The longest duration of a transfer, µs. A transfer of 258 bytes takes 258 µs at 8 MHz; the rest is margin.
 pub const TRANSFER_US: u32 = 1_000;
 
-/// The number of steps in one call, none of them a transfer or a wait, after which the call returns. The machines need
-/// two at most.
+/// An executor's call returns after this number of steps in a row without a transfer or a wait. The state machines take
+/// at most two such steps in a row.
 const STEPS: u32 = 8;
 /// The pause, µs, after a call that took [`STEPS`] steps without a transfer or a wait.
 const PAUSE_US: u32 = 1_000;
@@ -84,8 +84,8 @@ pub trait Port {
         false
     }
 
-    /// Whether the transfer has ended, with or without success, and chip select is high again. Once this has returned
-    /// true, the executor does not call it again before the next transfer.
+    /// Whether the transfer has ended, with or without success, and chip select is high again. Once this function has
+    /// returned true, the executor does not call it again before the next transfer.
     fn ended(&mut self) -> bool;
 
     /// Returns the bytes that came in during the transfer that has ended, as [`Input::Done`] describes them.
@@ -108,16 +108,15 @@ pub trait Port {
     fn elapsed(&mut self) -> bool;
 }
 
-/// The condition for which an executor waits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Waiting {
     Transfer,
-    /// The IRQ pin or the end of the timer, whichever comes first.
+    /// The executor waits for the IRQ pin or the end of the timer, whichever comes first.
     IrqOrTime,
     Time,
-    /// The end of the timer, before the machine continues after an event.
+    /// The executor waits for the end of the timer, and then lets the machine continue after an event.
     Later,
-    /// The owner's next call: the owner has got an event and has not called the executor since.
+    /// The executor waits for its owner's next call, because it has returned an event.
     Owner,
 }
 
@@ -217,7 +216,6 @@ impl<M: Machine, P: Port> Executor<M, P> {
         for _ in 0..STEPS {
             step = match step {
                 Step::Transfer(transfer) => {
-                    // The transfer is started first, and its time limit is set while it runs.
                     if self.start(transfer) {
                         self.wait(Waiting::Transfer, TRANSFER_US);
                         return None;

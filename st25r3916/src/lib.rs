@@ -9,7 +9,7 @@
 //!
 //! # Simple use
 //!
-//! On `embedded-hal` traits, one call at a time ([`blocking`]):
+//! The module [`blocking`] runs a machine on `embedded-hal` traits, one call at a time:
 //!
 //! ```no_run
 //! # use embedded_hal::{delay::DelayNs, digital::InputPin, spi::SpiDevice};
@@ -39,8 +39,9 @@
 //!
 //! A machine is a value with one method, `step`, which takes the last event ([`Input`]) and returns the next action
 //! ([`Step`]): make one SPI transfer, wait for the IRQ pin with a time limit, or report an event to the caller. An
-//! executor carries the steps out. The module [`executor`] has one that uses a [`executor::Port`], which interrupts and
-//! DMA implement, or [`blocking`] with polling. So the logic is the same for both, and it is tested without hardware.
+//! executor carries the steps out. The module [`executor`] has an executor that uses the hardware through an
+//! [`executor::Port`]. Interrupts and DMA implement this port, and [`blocking`] implements it by polling. So the logic
+//! is the same for both, and it is tested without hardware.
 //!
 //! | step | the executor | the next input |
 //! |---|---|---|
@@ -347,7 +348,6 @@ mod tests {
 
     #[test]
     fn air_times_are_those_of_the_bit_rate() {
-        // The exact air times are 4.814159 ms and 5.002950 ms.
         assert_eq!((air_time_us(244), air_time_us(254)), (4_815, 5_003));
         for payload in 0..=255_u8 {
             let carrier_periods = (48 + 16 + 8 * (1 + u64::from(payload) + 2)) * 32;

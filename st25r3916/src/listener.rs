@@ -30,14 +30,15 @@
 //!  └── CheckingSetting ◄── RearmUnmask ◄── RearmClear
 //! ```
 //!
-//! The diagram omits two transitions: an error outside a frame leads from ReadingStatus to RearmClear, and a second
-//! sync within a frame is DROPPED, from where Reported leads back to Receiving.
+//! The diagram omits two transitions. An error outside a frame leads from ReadingStatus to RearmClear. A second sync
+//! within a frame is reported as DROPPED, and Reported then leads back to Receiving.
 //!
 //! # A frame
 //!
 //! I_rxs (sync detected) begins a frame, I_rxe ends it, and in between its bytes fill the FIFO, one every 18.9 µs. With
 //! [`ReadMode::StoreAndForward`] the machine waits until I_rxe and then reads all bytes but the CRC-16: at 8 MHz 246 µs
-//! for a frame of 247 bytes. With [`ReadMode::WhileFilling`] it reads the bytes present three times before that:
+//! for a frame of 247 bytes. With [`ReadMode::WhileFilling`] it also reads three times before I_rxe, each time the
+//! bytes that have arrived:
 //!
 //! 1. The first read begins 16 bytes after the sync. These bytes include LEN, which determines the frame's end.
 //! 2. The second read begins [`BODY`] bytes before the frame's end, and takes most of the frame.
@@ -58,9 +59,9 @@
 //! away. One case cannot be detected: a sync in the few µs between the status read and the clear. If the clear also
 //! discards the interrupt (the data sheet contradicts itself), that frame is recognised only by its I_rxe.
 //!
-//! The clear may discard I_eon and I_eof as well. So the field detector's output is read after a bring-up, and
-//! [`ListenerConfig::supervision_us`] after the last interrupt, and reported if it has changed. ST's RFAL reads the
-//! same bit before it relies on these interrupts.
+//! Clearing the FIFO may also discard the field detector's interrupts, I_eon and I_eof. So the machine reads the field
+//! detector's output after a bring-up, and [`ListenerConfig::supervision_us`] after the last interrupt, and reports a
+//! change. ST's RFAL reads the same bit before it relies on these interrupts.
 //!
 //! # Recovery
 //!
@@ -76,8 +77,8 @@
 //! | reset of the chip | [`Fault::Reset`] at the next interrupt or supervision, bring-up |
 //! | dead bus, stuck IRQ pin | [`Fault::Bus`], [`Fault::IrqStuck`], bring-up after a back-off |
 //!
-//! The back-off before a bring-up is 1 ms after the first fault and doubles with each fault up to 64 ms. There is none
-//! after silence: the poller may just be off, and the listener could not receive during a back-off.
+//! The back-off before a bring-up is 1 ms after the first fault and doubles with each fault up to 64 ms. After silence
+//! there is no back-off: the poller may just be off, and the listener could not receive during a back-off.
 //!
 //! # Settings read back while the chip runs
 //!
@@ -94,7 +95,7 @@ use crate::{FRAME_US, Variant};
 
 /// The number of bytes that are still to come when the second read of [`ReadMode::WhileFilling`] begins. The third read
 /// begins 24 bytes later, 453 µs on air. The second read, at most 227 bytes, takes 237 µs at 8 MHz with its status. The
-/// executor has the rest of that time to verify the received bytes.
+/// rest of the 453 µs is the executor's, to verify the received bytes.
 pub const BODY: usize = 30;
 /// The number of bytes, the CRC-16 included, that are still to come when the third read of [`ReadMode::WhileFilling`]
 /// begins. They arrive within 113 µs, and the third read, at most 28 bytes, takes 38 µs at 8 MHz with its status. The
@@ -107,8 +108,9 @@ const HEAD: u16 = 16;
 /// The number of bytes that an early read leaves in the FIFO. The chip still fills the FIFO then, and it must not run
 /// dry.
 const MARGIN: u16 = 1;
-/// A read of this many bytes lasts so long, even at 10 MHz, that another byte arrives meanwhile. If LEN announces more
-/// bytes, a third read of so many bytes leaves no [`MARGIN`] in the FIFO, since little time is left afterwards.
+/// A FIFO read of this many bytes takes so long, even at 10 MHz, that another byte arrives meanwhile. A third read of
+/// this many bytes leaves no [`MARGIN`] in the FIFO if LEN announces more bytes, because little time is left
+/// afterwards.
 const REFILLED: u16 = 24;
 const _: () =
     assert!((1 + REFILLED as u32) * 800 > 18_879, "ns of the command and the bytes at 10 MHz, and of one on air");
@@ -121,8 +123,8 @@ pub const SILENCE_US: u32 = 500_000;
 /// row.
 pub const SILENCE_LONGEST_US: u32 = SILENCE_US << SILENCE_DOUBLINGS;
 const SILENCE_DOUBLINGS: u8 = 4;
-/// The time, µs, that each wait for a frame and each frame within another adds to the time of silence. So a deaf
-/// listener detects its silence even if interrupts without a frame keep coming.
+/// The time, µs, that is added to the silence for each wait without a frame, and for each frame that begins within
+/// another. So a listener that receives no frame detects its silence even if interrupts without a frame keep coming.
 const DISTURBED_US: u32 = 1_000;
 /// The length of the shortest frame, bytes: LEN, one byte of payload, CRC-16.
 const SHORTEST: u16 = 4;
@@ -219,7 +221,7 @@ impl FrameFlags {
         self.0 & other.0 != 0
     }
 
-    /// The flags that are set in this set, in `other`, or in both.
+    /// The flags that are in at least one of both sets.
     #[must_use]
     pub const fn union(self, other: Self) -> Self {
         Self(self.0 | other.0)
@@ -335,7 +337,7 @@ pub enum ListenerState {
     Receiving,
     /// The status is being read, within or outside a frame.
     ReadingStatus {
-        /// Whether the wait before this status read ended by its time limit.
+        /// Whether the wait before this status read timed out.
         late: bool,
     },
     /// The receiver is re-armed, and one of the settings of bring-up is being read back.
@@ -375,8 +377,8 @@ pub(crate) struct Frame {
     unread: u16,
 }
 
-/// The purpose of the next time-out within a frame: one of the three early reads, or the limit for the frame's end. It
-/// only moves forward, so a frame costs at most three reads before its end.
+/// The purpose of the next time-out within a frame: one of the three early reads, or the limit for the frame's end. A
+/// purpose is never followed by an earlier one, so a frame costs at most three reads before its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Plan {
     Head,
@@ -401,7 +403,7 @@ pub struct Listener {
     /// The time waited since the last delivered frame or since bring-up, µs; a lower bound of the time passed.
     silent_us: u32,
     counters: ListenerCounters,
-    /// The flags of the last delivered frame, which the next step counts. Counting at once would delay the delivery.
+    /// The flags of the last delivered frame. The next step counts them. Counting at once would delay the delivery.
     uncounted: Option<FrameFlags>,
 }
 
@@ -808,7 +810,6 @@ impl Frame {
         }
     }
 
-    /// Adds the flags of a status that was read during this frame.
     pub(crate) fn note(&mut self, status: Status) {
         let flag = |set: bool, flag: FrameFlags| if set { flag } else { FrameFlags::empty() };
         let ended = status.is_set(reg::IRQ_RXE);
@@ -846,7 +847,7 @@ impl Frame {
         }
     }
 
-    /// Records a read of `count` bytes of the frame, of which `first` is the first byte.
+    /// Records a read of `count` bytes of the frame. `first` is the first of these bytes.
     pub(crate) fn was_read(&mut self, count: u16, first: Option<u8>) {
         if self.got == 0 {
             self.total = first.map(|len| u16::from(len) + 2);
@@ -870,9 +871,9 @@ impl Frame {
         };
     }
 
-    /// The time of the next wait, µs. If a further early read follows, the wait ends when that read's bytes should have
-    /// arrived: it is counted from the bytes at the last read, less that read's duration. Otherwise it ends when the
-    /// longest frame would have ended.
+    /// Returns the time of the next wait, µs. The wait ends when the bytes of the next early read should have arrived,
+    /// counted from the last read and less its duration. Without a further early read it ends when the longest frame
+    /// would have ended.
     fn next_wait_us(&mut self) -> u16 {
         let left_us = (FRAME_US as u16).saturating_sub(self.waited_us).max(1);
         loop {

@@ -56,10 +56,10 @@
 //! receiver off. So the driver does not depend on I_txe: if I_txe has not come in time and the FIFO is empty, the chip
 //! has sent the frame, and [`PollerEvent::Sent`] reports it as unconfirmed.
 //!
-//! The FIFO cannot run dry if the executor begins to load the rest within [`rest_within_us`] of the transmit command.
-//! If the chip reports it all the same, the frame is lost ([`Fault::FifoFlow`]), and the next frame is sent. The number
-//! of loaded bytes is not checked before the frame is sent: with a byte too few the FIFO runs dry, and a byte too many
-//! is left over ([`Fault::FifoCount`]).
+//! The FIFO cannot run dry if the executor begins to load the frame's remaining bytes within [`rest_within_us`] of the
+//! transmit command. If the chip reports an empty FIFO all the same, the frame is lost ([`Fault::FifoFlow`]), and the
+//! next frame is sent. The number of loaded bytes is not checked before the frame is sent: with a byte too few the FIFO
+//! runs dry, and a byte too many is left over ([`Fault::FifoCount`]).
 //!
 //! # Recovery
 //!
@@ -83,8 +83,8 @@ use crate::{Variant, command};
 /// The longest payload of one frame, bytes: LEN, which counts itself as well, is one byte.
 pub const MAX_PAYLOAD: usize = 254;
 
-/// The latest time after the transmit command at which the load of the rest of the payload may begin, µs, on an SPI of
-/// `spi_hz`, so that the FIFO never runs dry. `None` if the SPI is not faster than the air, 53 kB/s.
+/// The load of the rest of the payload must begin within this time after the transmit command, µs, on an SPI of
+/// `spi_hz`. Otherwise the FIFO may run dry. `None` if the SPI is not faster than the air, 53 kB/s.
 ///
 /// The chip takes byte `n` of the payload (from 0) after `64 + 8 · (n + 1)` bits of 32 / 13.56 MHz: preamble, sync, LEN
 /// and `n` bytes. The SPI has loaded byte `n` after `n - HEAD + 2` bytes, the first of them the FIFO load command.
@@ -293,7 +293,6 @@ impl Poller {
             return self.sending(sending);
         }
         match (self.state, input) {
-            // The first arms of the match handle the states in which the last step was an event.
             (PollerState::New, _) => self.begin_bring_up(),
             (PollerState::FrameLost, _) => self.short(PollerState::Stopping, command::STOP),
             (PollerState::Ready | PollerState::Sent, _) | (PollerState::Sending(SendState::Loaded), Input::Start) => {

@@ -1,7 +1,7 @@
 //! The sending of one frame, from its preparation to its last bit, as a part of a larger state machine.
 //!
-//! A poller and an answerer both use these steps, which [`crate::poller`] describes. The machine around them determines
-//! when a frame is prepared, and how a failure is recovered from.
+//! Poller and answerer send a frame in the same steps, which [`crate::poller`] describes. The state machine around
+//! these steps decides when a frame is prepared, and how it recovers from a failure.
 
 use crate::bring_up::IDLE_IRQS;
 use crate::machine::{Fault, Input, Short, Transfer};
@@ -56,7 +56,7 @@ pub enum SendError {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Sending {
     Transfer(SendState, Transfer),
-    /// Wait for the IRQ pin, at most this many µs.
+    /// The machine waits for the IRQ pin, at most this many µs.
     Wait(SendState, u32),
     Prepared,
     /// The FIFO holds the first bytes of the payload, and the transmit command is due.
@@ -136,8 +136,8 @@ impl Sender {
         }
     }
 
-    /// Waits for the end of the frame. The time of the load counts as part of the wait; it is taken as on an SPI of 10
-    /// MHz, which is the shortest.
+    /// Waits for the end of the frame. The time of the load counts as part of the wait. An SPI of 10 MHz, the fastest,
+    /// is assumed for that time.
     fn wait(&self) -> Sending {
         let rest = u32::from(self.len).saturating_sub(HEAD as u32);
         Sending::Wait(SendState::OnAir, air_time_us(self.len) + TRANSMIT_MARGIN_US - rest * 8 / 10)

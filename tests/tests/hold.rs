@@ -26,7 +26,7 @@ mod tests {
         let core = defmt::unwrap!(cortex_m::Peripherals::take());
         let device = defmt::unwrap!(pac::Peripherals::take());
         firmware_common::nrf52840::open_debug_port(&device.FICR, &device.UICR);
-        // The firmware enables the cache too. Without it each access to flash has its wait states.
+        // The suite enables the flash cache like the firmware. Without it each access to flash has its wait states.
         device.NVMC.icachecnf.write(|w| w.cacheen().enabled());
         Cycles::start(core.DCB, core.DWT)
     }

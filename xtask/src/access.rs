@@ -1,6 +1,6 @@
 //! Explains why a debug probe has no access to a board, and what must be written to keep a board accessible.
 //!
-//! These functions do no I/O. [`crate::probe`] reads the values from the board that they need.
+//! These functions do no I/O. [`crate::probe`] reads the values that they need from the board.
 
 use crate::Board;
 
@@ -21,7 +21,7 @@ const FIRST_LOCKED: u8 = b'F';
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Refusal {
-    /// The library was not allowed to unlock the debug port by erasing everything.
+    /// The probe library was not permitted to unlock the debug port by erasing everything.
     Locked,
     StaysLocked,
     NoAnswer,
@@ -95,11 +95,12 @@ pub(crate) const fn connection(board: Board) -> &'static str {
 /// The change of UICR.APPROTECT with which an nRF52840's debug port is open after the next power-on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Approtect {
-    /// No change is needed: the value is right, or the part is of the older kind, which is open while UICR is erased.
+    /// No change is needed: the debug port is open with this value, or the part is of the older kind, whose port is
+    /// open while UICR is erased.
     Leave,
     /// The word of UICR is erased, so [`HW_DISABLED`] must be programmed into it.
     Program,
-    /// The word of UICR holds another value, which only erasing can change. So the part will be locked.
+    /// The word of UICR has another value that only an erase can change, so the debug port will be locked.
     WillLock,
 }
 

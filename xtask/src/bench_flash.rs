@@ -1,4 +1,4 @@
-//! The memory that the bench's boards keep without their supply: one file for each board below `target/bench`.
+//! Keeps the memory of the bench's boards without their supply, in one file for each board below `target/bench`.
 //!
 //! A file holds the result of [`emulator_debug_port::Wire::kept`]: for the DPR 1 MiB of flash and 4 KiB of UICR, for
 //! HORUS 2 MiB of flash and 16 bytes of options. A board without a file starts like a new one.

@@ -65,7 +65,7 @@ impl BenchBoard {
     }
 
     fn with<T>(&self, act: impl FnOnce(&mut Switched) -> T) -> T {
-        // A poisoned lock is ignored, because after a panic the board keeps its state, as a real board would.
+        // A poisoned lock is ignored: after a panic the board keeps its state, as a real board would.
         act(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
@@ -185,7 +185,7 @@ impl RawDapAccess for BenchProbe {
         Ok(word[0])
     }
 
-    /// A read of an access port returns the result of the read before it (posted reads). RDBUFF returns the last
+    /// A read of an access port returns the result of the previous read (posted reads), and RDBUFF returns the last
     /// result.
     fn raw_read_block(&mut self, address: RegisterAddress, values: &mut [u32]) -> Result<(), ArmError> {
         let register = address.a2_and_3();

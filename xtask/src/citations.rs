@@ -83,7 +83,7 @@ fn broken(files: &BTreeMap<String, String>) -> Vec<String> {
     broken
 }
 
-/// Whether a line cites a section of the design by the section's number. The citation may begin at the end of the line
+/// Whether a line cites a section of the design by its number. Such a citation may begin at the end of the line
 /// `before`.
 fn is_by_number(before: &str, line: &str) -> bool {
     let ends = |text: &str| text.to_lowercase().trim_end_matches([' ', ',']).ends_with("design");
@@ -98,8 +98,8 @@ fn paths(line: &str) -> Vec<Cited> {
     let belongs = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.' | '/' | '#');
     line.match_indices("docs/")
         .filter(|(at, _)| {
-            // The folder may be cited as `../docs/` within this workspace. A folder docs/ of another site or project is
-            // not this one.
+            // Within the workspace the folder may be cited as `../docs/`. A folder docs/ of another project does not
+            // count.
             let before = line[..*at].trim_end_matches("../");
             !before.ends_with(belongs)
         })
@@ -191,8 +191,8 @@ fn text_of(heading: &str) -> String {
 mod tests {
     use super::*;
 
-    /// Returns the broken citations in a file. The file is checked together with a page of the design and a decision.
-    /// The sign `^` is removed from the text first, so that the source of this test has no broken citations.
+    /// Returns the broken citations in a file. Beside it there are a page of the design and a decision. Each `^` is
+    /// removed from the text, so that this source has no broken citation of its own.
     fn broken_in(path: &str, text: &str) -> Vec<String> {
         let mut files = BTreeMap::from([
             ("docs/design.md".to_owned(), "# Design\n\n## Air frame\n\n```\n# no heading\n```\n".to_owned()),

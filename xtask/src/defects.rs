@@ -1,10 +1,9 @@
 //! Runs a table of defects against the judge: each must lead to the violation that the table names.
 //!
-//! The table is in `bench/tests/defects/table.rs`. All of its changes are made at once, in a copy of the workspace
-//! below the target folder. A number then chooses between the old text and the new text of each, so two firmwares and
-//! one bench suffice. In a firmware the number is a constant in flash, written into the built file before the CRC. In
-//! the bench, which includes the flight controller's client and the base station, it is an environment variable. With
-//! number 0 the copy behaves like the checkout and must pass every run without a violation.
+//! All changes of the table in `bench/tests/defects/table.rs` are made at once, in a copy of the workspace below the
+//! target folder. A number selects the defect of a run. In a firmware the number is a constant in flash, which is
+//! written into the built file. In the bench it is an environment variable. With number 0 the copy has no defect and
+//! must pass every run.
 //!
 //! `cargo xtask test` runs a sample without the defects of the bench, which takes longest to build.
 
@@ -34,16 +33,16 @@ pub(crate) struct DefectsArgs {
     names: Vec<String>,
 }
 
-/// The suffix of the names of the copy's packages and binaries, which keeps them from replacing the checkout's files.
+/// The suffix of the names of the copy's packages and binaries. It keeps the checkout's files from being replaced.
 const SUFFIX: &str = "-with-defects";
-/// Two words that stand before the number of the chosen defect in a firmware, by which that number is found.
+/// The two words that precede the number of the chosen defect in a firmware's flash.
 const MARK: [u32; 2] = [0x4445_4645, 0x4354_3A20];
 const VARIABLE: &str = "HORUS_DEFECT";
 const CHOICE: &str = "DEFECT";
 const CRATES: [&str; 7] =
     ["profile", "st25r3916", "firmware-common", "horus-tx-fw", "horus-tx-fw/voter", "dpr-fw", "base-station"];
 const LEFT_OUT: [&str; 3] = ["target", "docs", "fuzz"];
-/// The defects that `cargo xtask test` runs: one of each kind, in the firmwares, with short runs.
+/// The defects that `cargo xtask test` tries: one of each kind in the firmwares, with a short run.
 const SAMPLE: [&str; 8] = [
     "buses-not-polled",
     "latitude-for-longitude",
@@ -129,8 +128,7 @@ fn manifest(folder: &str, text: &str) -> String {
             .replacen("[workspace.lints.rust]\n", "[workspace.lints.rust]\nwarnings = \"allow\"\n", 1)
             .replacen("\nxtask = {", &format!("\nxtask{SUFFIX} = {{"), 1),
         "xtask" => text.replacen(&own, &other, 1),
-        // The packages of the firmwares keep their names, because their libraries have the same name. Only the binaries
-        // are renamed.
+        // The firmwares' libraries have the names of their packages, so only the binaries get other names.
         "horus-tx-fw" | "dpr-fw" => {
             let path = "path = \"src/main.rs\"\n";
             let (package, targets) = text.split_once("[[bin]]\n").unwrap_or((&text, ""));
@@ -145,8 +143,8 @@ fn copy_folder() -> PathBuf {
     target_dir().join("defects").join("copy")
 }
 
-/// Makes the copy of the workspace with all defects. Files that are equal already are not written, since cargo would
-/// build them again.
+/// Makes the copy of the workspace with all defects. Equal files are not written again, because cargo would rebuild
+/// them.
 fn copy() -> Result<()> {
     let (from, to) = (root(), copy_folder());
     let mut kept = vec![];
@@ -317,8 +315,8 @@ impl Case {
     }
 }
 
-/// Runs each of these defects, and the same runs without a defect, on all processors. Prints the outcomes, and returns
-/// how many differ from the table.
+/// Runs these defects, and each of their runs without a defect, on all processors. Prints the outcomes, and returns how
+/// many of them differ from the table.
 fn run(chosen: &[(usize, &'static Defect)], bench: &Path, built: &Built) -> Result<usize> {
     let cases = Case::of(chosen);
     let (next, wrong) = (AtomicUsize::new(0), AtomicUsize::new(0));
@@ -345,7 +343,7 @@ fn chosen(is_chosen: impl Fn(&Defect) -> bool) -> Vec<(usize, &'static Defect)> 
     DEFECTS.iter().enumerate().filter(|(_, defect)| is_chosen(defect)).collect()
 }
 
-/// Returns the name of each defect, with the name of the violation that the defect must show, if any.
+/// Returns the name of each defect, and the name of the violation that it must show, if any.
 pub(crate) fn shown() -> Vec<(&'static str, Option<String>)> {
     let rule = |shows: &Shows| match shows {
         Shows::By(violation) => Some(format!("{violation:?}")),

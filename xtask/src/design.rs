@@ -1,7 +1,7 @@
 //! Tests that docs/design.md states the numbers of the code.
 //!
-//! `layout::page` writes some tables of the page; the rest is written by hand. Each test formats constants as words or
-//! table rows of the page, and checks that each occurs on the page exactly once.
+//! `layout::page` writes some tables of the page, and the rest is written by hand. Each test formats constants like the
+//! page does, and checks that the page has each text exactly once.
 
 use bench_judge::bounds;
 use profile::air::{self, Place};

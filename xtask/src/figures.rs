@@ -1,7 +1,7 @@
 //! Writes the figures of docs/figures.md and README's sample of a run, from fresh runs.
 //!
-//! Each run is a command line of `sim` that the page names. No figure depends on the machine, because real time is not
-//! among them.
+//! Each run is a command line of `sim`, which the page names. Real time is not among the figures, so that they do not
+//! depend on the machine.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -15,7 +15,7 @@ use crate::size::{Footprint, footprint};
 use crate::workspace::root;
 use crate::{Board, Cli, Command, Receivers, firmware, sim, timing};
 
-/// The lines of a report that README shows: one for each step on the way of a position, and the verdict.
+/// The beginnings of the report's lines that README shows.
 const SAMPLE: [&str; 10] = [
     "HORUS ",
     "air ",
@@ -116,7 +116,7 @@ const ONE_FRAME: Row = ("sample to readable, 99.9 %, as a multiple of the air ti
     or_none(readable.map(|found| format!("{:.3}", found.p999 as f64 / it.air.air_time_ns as f64)))
 });
 
-/// The rows whose figures depend on the phase between the SSI's transactions and HORUS's frames.
+/// The figures whose worst cases need transactions in all phases relative to HORUS's frames.
 const MEETING: [Row; 2] = [
     ("last bit to readable, worst, µs", |it| {
         or_none(it.latency_ns.last_bit_to_readable.map(|it| thousandths(it.max)))
@@ -124,7 +124,8 @@ const MEETING: [Row; 2] = [
     ("SSI ready for the next transaction, worst, µs", |it| or_none(it.ssi.ready_ns.map(|it| thousandths(it.max)))),
 ];
 
-/// Returns a table with a column for each report. The rows [`MEETING`] have the figures of `slipping`, if given.
+/// Returns a table with a column for each report. The rows in [`MEETING`] come from the reports in `slipping`, if
+/// given.
 fn table(reports: &[Report], slipping: Option<&[Report]>) -> String {
     let mut text = String::from("| |");
     reports.iter().for_each(|report| text += &format!(" {} |", report.clock));

@@ -49,8 +49,8 @@ pub(crate) fn has_package(name: &str) -> Result<bool> {
     Ok(packages.iter().any(|package| package["name"] == name))
 }
 
-/// Copies a built firmware to `kept`, and writes the CRC into the copy. Cargo would build its own file again if another
-/// program had written to it.
+/// Copies a built firmware to `kept`, and writes the CRC into the copy. Cargo would rebuild a file that another program
+/// has changed.
 fn keep(made: &Path, kept: &Path) -> Result<PathBuf> {
     std::fs::create_dir_all(kept.parent().unwrap_or(Path::new("."))).context("could not make the firmware folder")?;
     seal::copy_sealed(made, kept)?;
@@ -61,8 +61,8 @@ pub(crate) fn build_pair(gps: Receivers) -> Result<(PathBuf, PathBuf)> {
     Ok((build(Board::Horus, gps)?, build(Board::Dpr, gps)?))
 }
 
-/// Builds the link's firmwares and returns the paths of their ELF files: HORUS's, the DPR's, and with `hold` that of
-/// the hold, for which the DPR's has its second port.
+/// Builds the link's firmwares and returns the paths of their ELF files: HORUS's and the DPR's. With `hold` the DPR's
+/// firmware has its second port, and the path of the hold's firmware is returned as well.
 pub(crate) fn build_link(gps: Receivers, hold: bool) -> Result<(PathBuf, PathBuf, Option<PathBuf>)> {
     let horus = build(Board::Horus, gps)?;
     if hold {
@@ -78,7 +78,7 @@ pub(crate) fn build_for_target(args: &[&str], name: &str) -> Result<PathBuf> {
     command
         .args(args)
         .args(["--release", "--target", TARGET, "--message-format", "json-render-diagnostics"])
-        // The level of the log is set by this environment variable, which defmt reads when the firmware is compiled.
+        // defmt reads the level of the log from this variable when the firmware is compiled.
         .env("DEFMT_LOG", "info")
         .stdout(Stdio::piped());
     let mut child = command.spawn().with_context(|| format!("could not start {command:?}"))?;

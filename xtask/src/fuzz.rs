@@ -40,7 +40,7 @@ pub(crate) fn fuzz(args: &FuzzArgs) -> Result<ExitCode> {
     };
     for (folder, target) in chosen {
         eprintln!("-- fuzzing {target} for {} s", args.seconds);
-        // libFuzzer reads both folders of inputs, and writes new inputs into the first one.
+        // libFuzzer reads both folders of inputs, and writes new inputs into the first.
         let found = target_dir().join("fuzz-corpus").join(&target);
         std::fs::create_dir_all(&found).with_context(|| format!("could not make {}", found.display()))?;
         let mut command = cargo();

@@ -31,7 +31,7 @@ pub(crate) struct GeneratedArgs {
 }
 
 impl GeneratedArgs {
-    /// Writes `files`, which `cargo xtask COMMAND` generates, or checks them.
+    /// Writes the files of `cargo xtask COMMAND`, or checks that they are current.
     pub(crate) fn apply(&self, command: &str, files: &[(PathBuf, String)]) -> Result<ExitCode> {
         for (path, text) in files {
             if self.check {

@@ -1,8 +1,8 @@
 //! The layout of all objects: a description in JSON, a Kaitai Struct file, the Python package's module, a dissector for
 //! Wireshark, and the tables of docs/design.md.
 //!
-//! All of these come from the measurements for the C header: `header::objects` measures the fields, and
-//! `header::status` names bits and codes. So a new field or bit in Rust is in all of them. The JSON Schema,
+//! These files and tables are made from the measurements of `header::objects` and the names of `header::status`, so
+//! that a new field or bit in the Rust code is in all of them. Only the JSON Schema,
 //! `python/horus_profile/layout.schema.json`, is written by hand.
 
 mod json;
@@ -124,7 +124,7 @@ mod tests {
     fn the_python_package_passes_its_tests_and_plays_the_tapes() {
         let mut command = Command::new(python());
         command.current_dir(crate::workspace::root().join("python"));
-        // The tests must import the package of this checkout, and leave no compiled files beside the sources.
+        // The tests import the package of this checkout, and write no compiled files.
         command.env("PYTHONPATH", ".").env_remove("HORUS_TAPES").args(["-B", "-m", "unittest", "--verbose"]);
         let Ok(output) = command.output() else {
             let words = "not run: there is no python3 (apt-get install python3)";

@@ -4,15 +4,15 @@
 //! the forwarder of [`base_station::carrier::mavlink`], which has the budget of a fast telemetry radio. The forwarder's
 //! messages go through a UDP socket to the station and the page of `horus-base serve`, in this process.
 //!
-//! **Pace.** The bench reads no clock. Every 10 ms of virtual time this module stops the bench until real time has come
-//! as far, and then sends the messages of these 10 ms. So nothing is shown early, and everything up to 10 ms late. If
-//! the machine is too slow, the run falls behind and reports by how much.
+//! **Pace.** After every 10 ms of virtual time this module waits until real time has come as far, and then sends the
+//! messages of these 10 ms. So no message is early, and each is up to 10 ms late. If the machine is too slow, the run
+//! reports how far it is behind.
 //!
-//! **Clock.** At pace 1 the station reads the system's clock, so the ages on the page are true. At another pace HORUS's
-//! clock would look wrong against the system's, so the bench sets the station's clock.
+//! **Clock.** At pace 1 the station reads the system's clock. At any other pace the bench sets the station's clock,
+//! because HORUS's clock would differ from the system's.
 //!
-//! **Panel.** A second address injects faults into the running flight and shows both boards' logs ([`panel`]). The base
-//! station does not depend on it.
+//! **Panel.** A second address serves the panel ([`panel`]), which injects faults into the running flight and shows
+//! both boards' logs.
 //!
 //! **The way back.** With `--uplink` the page sends signed uplinks through the same socket to the flight controller,
 //! which receives them with [`base_station::carrier::mavlink::Inbound`], writes them to the DPR, and forwards what the
@@ -52,14 +52,14 @@ const COMPONENT: u8 = 1;
 
 const RATES: Rates = Rates { bytes_per_s: 6_000, period_us: 100_000, standard_us: 0 };
 
-/// The length of a step of the run, virtual ns. The run can be ended after each step.
+/// The length of a step of the run, virtual ns. The run can end only between steps.
 const PIECE: u64 = bench::panel::PIECE_NS;
 
-/// The greatest lag behind real time at which a run still keeps its pace: one period of the forwarder, or a quarter of
-/// the age at which the page marks a position as old.
+/// The greatest time by which a run may be behind real time: a period of the forwarder, or a quarter of the age from
+/// which the page calls a position old.
 const HELD: Duration = Duration::from_millis(100);
 
-/// How long after the last message was sent a message may still arrive. After that time it counts as lost.
+/// The time after the last sent message in which messages may still arrive.
 const ARRIVES_WITHIN: Duration = Duration::from_secs(2);
 
 const LOCAL: Ipv4Addr = Ipv4Addr::LOCALHOST;
@@ -99,7 +99,7 @@ pub(crate) fn live(args: &LiveArgs) -> Result<ExitCode> {
 fn key() -> Key {
     let mut bytes = [0; 32];
     for chunk in bytes.chunks_mut(8) {
-        // The key's random numbers come from `RandomState`, which the system seeds anew each time.
+        // The system seeds `RandomState` with new random numbers each time.
         chunk.copy_from_slice(&RandomState::new().hash_one(()).to_le_bytes());
     }
     Key::new(bytes)
@@ -114,8 +114,7 @@ fn tell(_: DroneId, change: Change) {
     eprintln!("{} {}", if change.raised { "ALARM" } else { "over " }, change.alarm);
 }
 
-/// The number of messages with objects that were sent, the number that arrived, and the number of objects with a wrong
-/// CRC.
+/// The numbers of sent and of arrived messages with objects, and of objects with a wrong CRC.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Shown {
     sent: u64,
@@ -136,7 +135,7 @@ impl std::fmt::Display for Shown {
     }
 }
 
-/// A function that makes a [`Voice`] send uplinks or commands.
+/// A function that permits a [`Voice`] to send uplinks, or commands too.
 type Speaks = fn(Voice) -> Voice;
 
 struct Page {
@@ -147,10 +146,9 @@ struct Page {
     to: SocketAddr,
     /// Virtual time divided by real time; 0 for as fast as possible.
     pace: f64,
-    /// The elapsed virtual time, µs. A station that does not read the system's clock uses it.
+    /// The virtual time of the flight, µs, for a station without the system's clock.
     passed_us: Arc<AtomicU64>,
-    /// The real time at which the second step of the run began. The first step is left out, because it loads the
-    /// programs.
+    /// The real time at which the second step of the run began. The first step also loads the programs.
     began: Option<Instant>,
     behind: Duration,
     sent: u64,
@@ -169,7 +167,7 @@ impl Page {
     ) -> Result<Self> {
         let passed_us = Arc::new(AtomicU64::new(0));
         let clock = if pace == 1.0 { Clock::begin() } else { Clock::told(Arc::clone(&passed_us)) };
-        // The station ends when its inlet does, and the inlet ends with this process.
+        // The station ends with its inlet, and the inlet ends with this process.
         let key = speaks.map(|_| key());
         let verifier = || key.clone().map(Verifier::new);
         let (inlet, station, _) = live::start(verifier(), None, Time::Clock(clock.clone()), told);

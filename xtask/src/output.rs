@@ -1,4 +1,4 @@
-//! A file that a run writes, which appears whole when the run has ended, or not at all.
+//! Writes a file that appears as a whole at the end of a run, or not at all.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use tempfile::TempPath;
 
-/// A file that is written beside its final path and moved there at the end. If the path exists and is no regular file
-/// (`/dev/stdout`, a named pipe), the file is written directly.
+/// A file that is written beside its path and moved there at the end. A path that is no regular file (`/dev/stdout`, a
+/// named pipe) is written directly.
 pub(crate) struct Output {
     place: PathBuf,
     beside: Option<TempPath>,
@@ -20,7 +20,7 @@ impl Output {
     ///
     /// `place` is a folder, or the folder in which it lies cannot be written to.
     pub(crate) fn new(option: &str, place: &Path) -> Result<Self> {
-        // A symbolic link stays as it is, and the file that it leads to is written.
+        // A symbolic link stays, and the file to which it leads is written.
         let place = place.canonicalize().unwrap_or_else(|_| place.to_owned());
         if place.is_dir() {
             bail!("{option}: {} is a folder", place.display());

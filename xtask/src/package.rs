@@ -22,9 +22,9 @@ pub(crate) const PACKAGES: [&str; 12] = [
     "emulator",
 ];
 
-/// Packages [`PACKAGES`] and builds each from its tarball. Cargo resolves packages of one workspace against each other
-/// only if they may be published. So a copy of the committed files is used, in which they may be. Cargo keeps what it
-/// has unpacked by the path of the target folder and by version, so each run has a target folder of its own.
+/// Packages [`PACKAGES`] and builds each from its tarball. Cargo needs publishable packages for this, so the packages
+/// are made publishable in a copy of the committed files. Cargo reuses unpacked packages of an equal version, so each
+/// run has a target folder of its own.
 pub(crate) fn package() -> Result<ExitCode> {
     const OFF: &str = "publish = false";
     let folder = target_dir().join("package");

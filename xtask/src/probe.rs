@@ -1,7 +1,7 @@
 //! Handles real boards through the probe-rs library: writes and verifies a program, shows its log, runs a test suite.
 //!
-//! The board determines the chip. The probe is the only connected one, or the one that `--probe` names. With several
-//! probes and no name, the command fails, because it must not write to the wrong board.
+//! The board determines the chip. `--probe` names the probe, unless only one is connected. Otherwise the command fails,
+//! so that it does not write to the wrong board.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -50,7 +50,7 @@ const MSP: RegisterId = RegisterId(17);
 /// The number of PSP in DCRSR.
 const PSP: RegisterId = RegisterId(18);
 
-/// The interval at which the log is polled. A firmware takes far longer to fill the log's buffer of 1 KiB.
+/// The interval at which the log is read. A firmware needs far longer to fill the buffer of 1 KiB.
 const LOG_POLL: Duration = Duration::from_millis(10);
 
 const LOG_START: Duration = Duration::from_secs(3);
@@ -103,7 +103,7 @@ pub(crate) fn flash(args: &FlashArgs) -> Result<ExitCode> {
     if args.hold && args.image != Image::Dpr {
         bail!("--hold is an option of the DPR's image: `cargo xtask flash dpr --hold`");
     }
-    // The probe is chosen before the build, because without a probe the build would be in vain.
+    // Without a probe a build would be useless, so the probe is chosen first.
     let probe = choose(args.image.board(), &args.probe)?;
     if args.image == Image::Hold && matches!(probe, Found::Bench(_)) {
         bail!("the bench's probe has the boards dpr and horus; `cargo xtask sim --hold` runs the hold");
@@ -188,8 +188,7 @@ fn listing(probes: &[DebugProbeInfo]) -> String {
 }
 
 fn attach(board: Board, probe: &Found, args: &ProbeArgs) -> Result<(Session, Feeding)> {
-    // The probe library does not check which part it finds: it would take an STM32 without access port 1 for a locked
-    // nRF52840.
+    // The probe library does not check the part: it would take an STM32 without access port 1 for a locked nRF52840.
     if let Some(wrong) = look(probe, args)?.and_then(|seen| wrong_chip(board, seen, &probe.to_string())) {
         bail!(wrong);
     }
@@ -217,7 +216,7 @@ fn attach(board: Board, probe: &Found, args: &ProbeArgs) -> Result<(Session, Fee
 fn open(probe: &Found, args: &ProbeArgs) -> Result<(Probe, Option<u32>, Feeding)> {
     let opened = match probe {
         Found::Usb(info) => {
-            // With these probes the library makes single transfers, so the watchdog can be fed between two of them.
+            // With these probes the library makes single transfers, between which the watchdog can be fed.
             let drivers: [&dyn ProbeFactory; 2] = [&JLinkFactory, &CmsisDapFactory];
             let selector = DebugProbeSelector::from(info);
             drivers.into_iter().find_map(|driver| driver.open(&selector).ok())
@@ -242,7 +241,7 @@ fn open(probe: &Found, args: &ProbeArgs) -> Result<(Probe, Option<u32>, Feeding)
 }
 
 /// Identifies the part at the probe by its identification registers, without disturbing it. Returns `None` if no debug
-/// port answers, which the library reports when it attaches.
+/// port answers; the library reports that when it attaches.
 fn look(probe: &Found, args: &ProbeArgs) -> Result<Option<Seen>> {
     /// The address of IDR of an access port, in its bank 2 (ADIv5.2, C1.3).
     const IDR: u64 = 0xFC;
@@ -272,8 +271,8 @@ fn look(probe: &Found, args: &ProbeArgs) -> Result<Option<Seen>> {
     }))
 }
 
-/// Returns what an error of the library's `attach` means. `erase_all` says whether the library was allowed to erase
-/// everything.
+/// Returns the meaning of an error of the library's `attach`. `erase_all` states whether the library was permitted to
+/// erase everything.
 fn refusal(error: &probe_rs::Error, erase_all: bool) -> Refusal {
     match error {
         probe_rs::Error::MissingPermissions(_) | probe_rs::Error::Arm(ArmError::MissingPermissions(_)) => {
@@ -294,8 +293,8 @@ fn keep_debug_port_open(session: &mut Session) -> Result<()> {
     const NVMC_CONFIG: u64 = 0x4001_E504;
     const READ_ONLY: u32 = 0;
     const WRITE: u32 = 1;
-    // Programming a word takes the NVMC 41 us (PS v1.7, NVMC, electrical specification). A single reading of its state
-    // through the probe takes longer.
+    // Programming a word takes the NVMC 41 us (PS v1.7, NVMC, electrical specification). A single reading of the NVMC's
+    // state through the probe takes longer.
     const LOOKS: usize = 1_000;
 
     let mut core = session.core(0).context("could not reach the core")?;
@@ -427,18 +426,17 @@ const fn verb(operation: &ProgressOperation) -> &'static str {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Follow {
-    /// A firmware that runs for ever and handles a HardFault or a restart itself.
+    /// A firmware that runs for ever, and that handles a HardFault or a restart by itself.
     Firmware,
-    /// A test suite, which ends with a semihosting exit or, if it fails, with a HardFault (panic-probe). The core halts
-    /// at a HardFault, because cortex-m-rt's handler is an endless loop.
+    /// A test suite, which ends with a semihosting exit. A failure ends with a HardFault (panic-probe). The core halts
+    /// there.
     Suite,
 }
 
-/// A suite that restarts more often never ends.
+/// The number of restarts after which a test suite counts as failed, because it would not end.
 const MOST_RESTARTS: usize = 10;
 
-/// The address of DHCSR. Its bit S_RESET_ST is set if the core was reset since the register's last read (ARMv7-M ARM
-/// C1.6.2).
+/// The address of DHCSR, whose bit S_RESET_ST is set by a reset of the core and cleared by a read (ARMv7-M ARM C1.6.2).
 const DHCSR: u64 = 0xE000_EDF0;
 const S_RESET_ST: u32 = 1 << 25;
 
@@ -446,7 +444,7 @@ const S_RESET_ST: u32 = 1 << 25;
 const CPUID: u64 = 0xE000_ED00;
 
 /// Resets the core and shows its defmt log until the program exits through semihosting, the time is over, or the user
-/// interrupts. Returns the exit code. The log continues if the part restarts.
+/// interrupts. Returns the exit code. A restart of the part does not end the log.
 fn follow(
     (session, feeding): (&mut Session, &Feeding),
     elf: &Path,
@@ -459,24 +457,24 @@ fn follow(
     let mut decoder = table.new_stream_decoder();
     let mut core = session.core(0).context("could not reach the core")?;
     core.reset_and_halt(CORE_TIMEOUT).context("the core does not reset")?;
-    // The RAM may still hold the log's control block of an earlier run.
+    // The RAM may have the log's control block of an earlier run.
     core.write_8(block, &[0; 16]).context("could not clear the old log")?;
-    // The vector catch may still be set from an earlier run, since not every reset clears it.
+    // A vector catch of an earlier run may still be set, because not every reset clears it.
     core.disable_vector_catch(VectorCatchCondition::HardFault).context("could not set the vector catch")?;
     if follow == Follow::Suite {
         core.enable_vector_catch(VectorCatchCondition::HardFault).context("could not set the vector catch")?;
     }
-    // This read clears the flag of the reset above, which must not count as a restart.
+    // The reset above must not count as a restart, so its flag is cleared by a read.
     was_reset(&mut core)?;
     core.run().context("the core does not run")?;
-    // From now on the program itself has to feed the watchdog.
+    // From now on the program must feed the watchdog.
     feeding.end();
     let mut rtt = attach_log(&mut core, block)?;
     let mut restarts = 0;
     loop {
         let mut restarted = was_reset(&mut core)?;
         let status = core.status().context("lost the core")?;
-        // The status is read before the log, so that the log includes all lines before a halt.
+        // The status is read before the log, so that the log has all lines up to a halt.
         if !restarted {
             match drain(&mut rtt, &mut core, decoder.as_mut()) {
                 Ok(()) => {}
@@ -497,7 +495,7 @@ fn follow(
             }
             decoder = table.new_stream_decoder();
             if follow == Follow::Suite && catch_again(&mut core)? {
-                // The HardFault came before the vector catch was set again. Its log is still in the buffer.
+                // The HardFault came before the vector catch was set again, so that its log is still in the buffer.
                 rtt = attach_log(&mut core, block)?;
                 drain(&mut rtt, &mut core, decoder.as_mut()).context("could not read the log")?;
                 eprintln!("error: the image ended in a HardFault");
@@ -517,7 +515,7 @@ fn follow(
                 }
                 _ => core.run().context("the core does not go on")?,
             },
-            // Why the core has halted is not evaluated, because the library cannot clear the reasons of earlier halts.
+            // The reason of the halt is ignored, because the library cannot clear those of earlier halts.
             CoreStatus::Halted(_) if follow == Follow::Suite && in_hard_fault(&mut core)? => {
                 eprintln!("error: the image ended in a HardFault{}", faulted(&mut core, elf)?);
                 return Ok(ExitCode::FAILURE);
@@ -525,7 +523,7 @@ fn follow(
             CoreStatus::Halted(reason) => bail!("the core stopped: {reason:?}"),
             CoreStatus::LockedUp => bail!("the core locked up"),
             _ if span.is_over() => return Ok(ExitCode::SUCCESS),
-            // On the bench no pause is needed, because the board's virtual time advances with each access.
+            // The virtual time of the bench's board advances with each access, so that no pause is needed.
             _ if matches!(span, Span::Virtual(..)) => {}
             _ => std::thread::sleep(LOG_POLL),
         }
@@ -574,7 +572,7 @@ fn faulted(core: &mut Core<'_>, elf: &Path) -> Result<String> {
     const RETURN_ADDRESS: u64 = 24;
     let returns: u32 = core.read_core_reg(LR)?;
     let stack: u32 = core.read_core_reg(if returns & PROCESS_STACK != 0 { PSP } else { MSP })?;
-    // The read may fail, because the fault may have been caused by a stack pointer that points outside memory.
+    // A wrong stack pointer may have caused the fault, so that the read fails.
     let Ok(pc) = core.read_word_32(u64::from(stack) + RETURN_ADDRESS) else { return Ok(String::new()) };
     let place = emulator_node::Firmware::read(elf)?.place_of(u64::from(pc));
     Ok(place.map_or_else(|| format!(" at {pc:#010x}"), |place| format!(" in {place}")))

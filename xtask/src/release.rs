@@ -1,7 +1,7 @@
 //! Compares the public interfaces of the crates which others can use with those of the last release.
 //!
-//! A release is a heading of CHANGELOG.md with a date, and the git tag `v` with the same version. Until there is one,
-//! no interface has been promised to anybody, and there is nothing to compare with.
+//! A release is a heading with a date in CHANGELOG.md, and the git tag `v` with the same version. Before the first
+//! release there is no interface to compare with.
 
 use std::fs;
 use std::process::Command;
@@ -11,13 +11,14 @@ use anyhow::{Context, Result, bail};
 use crate::package::PACKAGES;
 use crate::workspace::{SEMVER_CHECKS, cargo, check, install, root};
 
-/// Returns the newest version with a date in a changelog's text, which is the first: `## [1.2.3] - 2027-01-31`.
+/// Returns the newest version with a date in a changelog's text. The newest version comes first: `## [1.2.3] -
+/// 2027-01-31`.
 fn released(changelog: &str) -> Option<&str> {
     let mut headings = changelog.lines().filter_map(|line| line.strip_prefix("## [")?.split_once("] - "));
     headings.next().map(|(version, _)| version)
 }
 
-/// Fails where a public interface changed more than the versions in the manifests allow since the last release.
+/// Fails if a public interface changed since the last release more than the versions in the manifests allow.
 pub(crate) fn check_interfaces() -> Result<()> {
     let path = root().join("CHANGELOG.md");
     let changelog = fs::read_to_string(&path).with_context(|| format!("could not read {}", path.display()))?;

@@ -62,7 +62,7 @@ pub(crate) fn residual(args: &ResidualArgs) -> Result<ExitCode> {
     let text = std::fs::read_to_string(&page).with_context(|| format!("could not read {}", page.display()))?;
     write(&page, &report.refresh(&text).map_err(anyhow::Error::msg)?)?;
 
-    // Standard output may be for a program that reads the JSON, so the screen goes to standard error then.
+    // A program may read the JSON from standard output, so the screen goes to standard error.
     let json_on_stdout = args.json.as_deref() == Some(Path::new("-"));
     let screen = report.screen();
     if json_on_stdout {

@@ -20,7 +20,7 @@ const ERASED: u8 = 0xFF;
 
 const CRC_SIZE: u64 = 4;
 
-/// Bytes that a programmer writes to a board: their address in memory, and their range in the file.
+/// Bytes that a programmer writes to a board: their address in flash, and their range in the file.
 #[derive(Clone, Copy)]
 struct Loaded {
     address: u64,
@@ -60,7 +60,7 @@ pub(crate) fn seal(elf: &mut [u8]) -> Result<u32> {
     Ok(crc)
 }
 
-/// Returns the bytes in flash from the vector table up to the CRC, and the offset of the CRC in the file.
+/// Returns the bytes in flash from the vector table to the CRC, and the offset of the CRC in the file.
 fn layout(elf: &[u8]) -> Result<(Vec<u8>, u64)> {
     let header = FileHeader32::<Endianness>::parse(elf).context("not a 32-bit ELF file")?;
     let endian = header.endian()?;
@@ -69,7 +69,7 @@ fn layout(elf: &[u8]) -> Result<(Vec<u8>, u64)> {
         .iter()
         .filter(|segment| segment.p_type(endian) == PT_LOAD && segment.p_filesz(endian) > 0)
         .map(|segment| Loaded {
-            // The address in flash is the physical one. A variable in RAM has its initial value there.
+            // The physical address is that in flash, where also the initial values of variables are.
             address: segment.p_paddr(endian).into(),
             offset: segment.p_offset(endian).into(),
             len: segment.p_filesz(endian).into(),
@@ -197,8 +197,7 @@ mod tests {
         for byte in 0..VECTORS.len() + CODE.len() {
             for bit in 0..8 {
                 let mut elf = image();
-                // The contents of the sections come after the file header and three program headers, so the wrong bit
-                // is in them.
+                // The inverted bit is in a section's contents, after the file header and three program headers.
                 elf[52 + 3 * 32 + byte] ^= 1 << bit;
                 assert_ne!(seal(&mut elf).unwrap(), crc, "byte {byte}, bit {bit}");
             }

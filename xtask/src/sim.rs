@@ -18,11 +18,10 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::output::Output;
 use crate::{Receivers, bench_flash, firmware};
 
-/// The limit for the error of a crystal, ppm. Real crystals have tens of ppm, so a larger number is probably a typing
-/// error.
+/// The greatest error of a crystal, ppm, that the command line accepts. Real crystals have tens of ppm.
 const MAX_PPM: f64 = 1000.0;
 
-/// The length of a step of the run, virtual ns. Ctrl-C ends the run after the present step.
+/// The length of a step of the run, virtual ns. Ctrl-C ends the run after a step.
 const PIECE: u64 = 500_000_000;
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
@@ -172,7 +171,7 @@ impl Observer for Screen {
 }
 
 pub(crate) fn sim(args: &SimArgs) -> Result<ExitCode> {
-    // The first Ctrl-C ends the run, and its results are shown. The second Ctrl-C ends this program.
+    // A second Ctrl-C ends this program at once.
     let pressed = || {
         if INTERRUPTED.swap(true, Ordering::Relaxed) {
             std::process::exit(130);
@@ -187,14 +186,14 @@ pub(crate) fn report(args: &SimArgs) -> Result<Report> {
     Ok(bench::sim::run(&setup(args, vec![], Images { horus, dpr }), &mut ())?.report)
 }
 
-/// Builds both firmwares, calls `go` to run the link with them, and shows the result. If `go` returns `None`, the run
-/// was ended early, and the command fails.
+/// Builds both firmwares, runs the link with them by `go`, and shows the result. If `go` returns `None`, the run was
+/// ended early and the command fails.
 pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result<Option<Outcome>>) -> Result<ExitCode> {
     let recordings = vec![args.ubx1.clone(), args.ubx2.clone(), args.ubx3.clone()];
     if let Some(beyond) = recordings.iter().skip(args.gps.0).position(Option::is_some) {
         bail!("--ubx{}: this profile has {} receiver(s) only (--gps {})", args.gps.0 + beyond + 1, args.gps, args.gps);
     }
-    // Before anything is built, inputs that cannot be read and outputs that cannot be written are reported.
+    // Inputs that cannot be read, and outputs that cannot be written, are reported before the build.
     for (option, path) in (1..).zip(&recordings).filter_map(|(number, path)| Some((number, path.as_ref()?))) {
         gnss_sim::Log::open(path).with_context(|| format!("--ubx{option}: {} cannot be played", path.display()))?;
     }
@@ -255,7 +254,7 @@ pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result
     text.push_str(&format!("{}\n", outcome.base));
     let mut report = serde_json::to_string_pretty(&outcome.report).context("the report does not serialise")?;
     report.push('\n');
-    // Standard output may be for a program that reads the JSON, so nothing else is printed there.
+    // A program may read the JSON from standard output, so the text goes to standard error.
     if args.json.as_deref() == Some(Path::new("-")) {
         eprint!("{text}");
         std::io::stdout().write_all(report.as_bytes()).context("could not write the report")?;
@@ -275,7 +274,6 @@ pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result
     Ok(ExitCode::FAILURE)
 }
 
-/// Fails if faults of a hold are to be drawn into a run without one.
 pub(crate) fn needs_hold(faults: &[Kind], hold: bool) -> Result<()> {
     if let Some(kind) = faults.iter().find(|kind| kind.needs_hold())
         && !hold
@@ -285,7 +283,6 @@ pub(crate) fn needs_hold(faults: &[Kind], hold: bool) -> Result<()> {
     Ok(())
 }
 
-/// Fails if upsets are to be drawn into a run.
 pub(crate) fn no_upsets(faults: &[Kind]) -> Result<()> {
     if let Some(kind) = faults.iter().find(|kind| kind.is_upset()) {
         bail!("--faults {kind}: upsets are tried on copies of the link, by `cargo xtask campaign --kinds {kind}`");
@@ -293,7 +290,7 @@ pub(crate) fn no_upsets(faults: &[Kind]) -> Result<()> {
     Ok(())
 }
 
-/// Flips every bit of the front ends' registers, or every `every`-th bit, each on a copy of the bench.
+/// Flips each `every`-th bit of the front ends' registers, each on a copy of the bench.
 fn flip_all(setup: &Setup, every: usize) -> Result<Flips> {
     let style = ProgressStyle::with_template("{spinner} {pos} bits flipped, {elapsed}").expect("a constant template");
     let bar = ProgressBar::new_spinner().with_style(style);
@@ -345,7 +342,8 @@ pub(crate) fn setup(args: &SimArgs, recordings: Vec<Option<PathBuf>>, images: Im
     }
 }
 
-/// Returns a line about when Reported-Position ceased to be valid, and which receivers were silent at that instant.
+/// Returns a line with the instant at which Reported-Position ceased to be valid, and the receivers that were silent
+/// then.
 fn reported_position(reported: &Reported) -> String {
     let seconds = |ns: u64| format!("{:.3} s", ns as f64 / 1e9);
     let cycles = reported.valid_cycles;
@@ -355,7 +353,7 @@ fn reported_position(reported: &Reported) -> String {
     };
     let silent: Vec<String> = (1..)
         .zip(&reported.last_solution_ns)
-        // Receivers with a solution after the instant `since` were not silent then, so they are left out.
+        // A receiver with a solution after the instant `since` was not silent then.
         .filter(|(_, last)| last.is_none_or(|last| last < since))
         .map(|(receiver, last)| match last {
             Some(last) => format!("GPS{receiver} silent since {}", seconds(*last)),
@@ -399,7 +397,6 @@ fn exclusions(voter: &Voter) -> String {
     text
 }
 
-/// Returns lines of text about what the active hold did in the run.
 fn hold_in_words(hold: &bench::report::Hold) -> String {
     let commands = |of: bench::report::Commands| {
         format!("{} commands, {} acknowledged, {} lost", of.sent, of.acknowledged, of.lost)

@@ -87,7 +87,7 @@ fn measure(data: &[u8]) -> Result<Footprint> {
     let segments = header.program_headers(endian, data)?;
     let loaded = || segments.iter().filter(|segment| segment.p_type(endian) == PT_LOAD);
     let flash = loaded().map(|segment| u64::from(segment.p_filesz(endian))).sum();
-    // A segment of code with different run and load addresses is copied to RAM at the start.
+    // The start copies a code segment with different run and load addresses to RAM.
     let is_code = |segment: &&ProgramHeader32<_>| segment.p_flags(endian) & PF_X == PF_X;
     let code_in_ram = loaded()
         .filter(|segment| is_code(segment) && segment.p_vaddr(endian) != segment.p_paddr(endian))

@@ -11,9 +11,9 @@ use crate::{Receivers, firmware, workspace};
 /// How long the link runs before the measurement begins, ns: the start of the firmwares is negligible in longer runs.
 const WARM_UP_NS: u64 = 1_000_000_000;
 
-/// The longest time that a virtual second of the link may take. Its unit is the time of a fixed piece of work, the
-/// yardstick of [`bench::sim::speed`]. When the bound was set, a virtual second took 4.3 of these units; twelve
-/// measurements beside other work gave 4.27 to 4.36. The bound allows nine tenths of that speed.
+/// The longest time that a virtual second of the link may take, in times of the yardstick of [`bench::sim::speed`], a
+/// fixed piece of work. When the bound was set, it took 4.3 times the yardstick; twelve measurements beside other work
+/// gave 4.27 to 4.36.
 const MOST_YARDSTICKS: f64 = 4.8;
 
 /// Reports instructions per second of the core alone, where the time of `sim` goes, the time of a copy of it, and the
@@ -58,7 +58,6 @@ pub(crate) fn speed(args: &SpeedArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Measures `seconds` of virtual time of the link.
 fn link(seconds: f64) -> Result<Speed> {
     let (horus, dpr) = firmware::build_pair(Receivers::DEFAULT)?;
     let duration_ns = WARM_UP_NS + (seconds * 1e9).round() as u64;
@@ -67,7 +66,6 @@ fn link(seconds: f64) -> Result<Speed> {
     Ok(bench::sim::speed::speed(&setup, WARM_UP_NS)?)
 }
 
-/// Fails if the bench is slower than [`MOST_YARDSTICKS`] allows.
 pub(crate) fn check() -> Result<()> {
     let yardsticks = link(2.0)?.yardsticks();
     println!("a virtual second of the link takes {yardsticks:.2} times the yardstick, of {MOST_YARDSTICKS} allowed");
@@ -75,7 +73,7 @@ pub(crate) fn check() -> Result<()> {
     Ok(())
 }
 
-/// Runs the example `speed` of the core's crate. Returns the time of an instruction in the computing loop on the fast
+/// Runs the example `speed` of the core's crate. Returns the time of an instruction in its computing loop on the fast
 /// clock, ns.
 fn core_alone() -> Result<f64> {
     let mut cargo = workspace::cargo();

@@ -11,8 +11,7 @@ use crate::workspace::{root, tracked};
 
 const COLUMNS: usize = 120;
 
-/// Returns whether the file at `path` is checked. Hand-written sources are; Markdown, recorded data, test corpora and
-/// generated files are not.
+/// Returns whether the file at `path` is checked. All hand-written sources are checked.
 fn is_checked(path: &str) -> bool {
     let data = path.split('/').any(|folder| matches!(folder, "data" | "corpus"));
     let source = matches!(
@@ -24,7 +23,7 @@ fn is_checked(path: &str) -> bool {
 
 const TEST_NAME: (usize, usize) = (12, 80);
 
-/// Words with which a comment may not begin, because its first sentence would be incomplete.
+/// Words with which a comment may not begin, because they begin an incomplete sentence.
 const OPENINGS: [&str; 7] = ["As", "Of", "Not", "Nothing of", "So long", "So many", "So much"];
 
 /// Returns the names of tests in `text` that are too long, each with its line number, from 1.

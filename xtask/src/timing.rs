@@ -67,14 +67,14 @@ pub(crate) fn images(gps: Receivers) -> Result<TimingImages> {
     Ok(TimingImages { link: Images { horus, dpr }, dpr_with_hold, hold: firmware::build_hold()? })
 }
 
-/// The figures of all boards. A run that violates a rule of the judge makes the search worthless as evidence.
+/// Returns the figures of all boards. Fails if a run of the search violates a rule of the judge.
 pub(crate) fn figures(images: &TimingImages, gps: Receivers, clock: Clock) -> Result<Vec<BoardFigures>> {
     let (boards, violations) = search::search(search::runs(images, gps.0, clock))?;
     ensure!(violations.is_empty(), "a run of the search violates a rule of the judge: {}", violations.join("; "));
     Ok(boards.iter().map(|(table, seen)| bounds::figures(table, seen)).collect())
 }
 
-/// One cycle as SVG, and the whole run for Perfetto.
+/// Returns one cycle as SVG, and the whole run for Perfetto.
 pub(crate) fn charts(images: &TimingImages, gps: Receivers, clock: Clock) -> Result<(String, String)> {
     let run = search::charted(images, gps.0, clock);
     let shown = search::observe(&run.setup, &run.tables(), true)?;
@@ -87,11 +87,11 @@ pub(crate) fn charts(images: &TimingImages, gps: Receivers, clock: Clock) -> Res
 
 const MARKS: [&str; 2] = ["<!-- response times, by `cargo xtask figures` -->\n", "<!-- end of response times -->\n"];
 
-/// `page` with the table of the present figures between its marks, and the chart.
+/// Returns `page` with the table of the present figures, and the chart.
 ///
 /// # Errors
 ///
-/// A bound does not hold, or the page has no place for the table.
+/// A bound exceeds its deadline, or the page has no place for the table.
 pub(crate) fn page(page: &str, path: &Path) -> Result<(String, String)> {
     let images = images(Receivers::DEFAULT)?;
     eprintln!("-- cargo xtask timing");

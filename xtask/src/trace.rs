@@ -10,11 +10,11 @@
 //! | mutant | `docs/safety/mutants.md` | a row of the table: see [`mutants`] |
 //!
 //! The item below a comment `Shows` is a test, a constant assertion, or a variant of `Violation` (a rule of the judge).
-//! A defect breaks the requirement that its rule shows. Where the rule shows several, the comment `Breaks` chooses
-//! among them. A defect that no rule finds breaks only what the comment names.
+//! A defect breaks the requirements that its rule shows, or only those that a comment `Breaks` names. A defect that no
+//! rule finds needs this comment.
 //!
-//! A requirement without evidence, evidence without a requirement, and a requirement that nothing ever broke are gaps.
-//! `docs/safety/trace.md` is written only if there is no gap.
+//! The trace has a gap if a requirement has no evidence, if evidence has no requirement, or if no defect or mutant
+//! breaks a requirement. `docs/safety/trace.md` is written only without a gap.
 
 mod mutants;
 
@@ -35,7 +35,7 @@ const REQUIREMENTS: &str = "docs/safety/requirements.md";
 const MATRIX: &str = "docs/safety/trace.md";
 /// The defects.
 const DEFECTS: &str = "bench/tests/defects/table.rs";
-/// The weights that a requirement may have.
+/// The possible weights of a requirement in the table of requirements.
 const WEIGHTS: [&str; 3] = ["safety", "mission", "none"];
 
 #[derive(Args)]
@@ -89,7 +89,7 @@ struct Requirement {
 struct Evidence {
     ids: Vec<String>,
     kind: Kind,
-    /// The name of the test or of the variant; empty for a constant assertion.
+    /// The name of the test or of the variant of `Violation`; empty for a constant assertion.
     name: String,
     file: String,
 }
@@ -113,13 +113,13 @@ impl Evidence {
     }
 }
 
-/// Requirements, what shows them, what broke them, and what is wrong with any of these.
+/// The requirements, their evidence, the mutants, and the gaps.
 #[derive(Debug, Default)]
 struct Trace {
     requirements: Vec<Requirement>,
     evidence: Vec<Evidence>,
     mutants: Vec<Mutant>,
-    /// What broke each requirement: the names of defects and mutants.
+    /// For each requirement, the names of the defects and mutants that break it.
     broken: BTreeMap<String, Vec<String>>,
     gaps: Vec<String>,
 }
@@ -164,8 +164,8 @@ impl Trace {
         Ok(trace)
     }
 
-    /// Traces `requirements` through `sources` (path and text), through the defects (name, and the variant of
-    /// `Violation` that shows it, if any does) and through the table of mutants.
+    /// Makes the trace of `requirements` from the `sources` (path and text), the defects (name, and the variant of
+    /// `Violation` that shows it) and the table of mutants.
     fn of(
         requirements: &str,
         sources: &BTreeMap<String, String>,
@@ -218,14 +218,14 @@ impl Trace {
         }
     }
 
-    /// Takes each comment `Shows` with the item below it.
+    /// Takes each comment `Shows` and the item below it as evidence.
     fn take_evidence(&mut self, path: &str, text: &str) {
         let lines: Vec<&str> = text.lines().map(str::trim_start).collect();
         for (index, line) in lines.iter().enumerate() {
             let Some(list) = line.strip_prefix("// Shows ") else { continue };
             let mut wrong = |what: &str| self.gaps.push(format!("{path}:{}: {what}", index + 1));
             let Some(ids) = ids(list) else {
-                // Other comments may begin with the same word.
+                // A comment may begin with `Shows` in its ordinary sense.
                 if list.split([',', '.', ' ']).next().is_some_and(is_id) {
                     wrong("expected `Shows`, identifiers with commas between them, and a full stop");
                 }
@@ -304,7 +304,7 @@ impl Trace {
         }
     }
 
-    /// Takes the identifiers that a page cites: those of the requirements' groups.
+    /// Takes the identifiers of requirements that a page cites.
     fn take_page(&mut self, path: &str, text: &str) {
         let group = |id: &str| id.split_once('-').map_or(String::new(), |(group, _)| group.to_owned());
         let groups: BTreeSet<String> = self.requirements.iter().map(|it| group(&it.id)).collect();
@@ -314,7 +314,7 @@ impl Trace {
         self.gaps.extend(unknown.map(|id| format!("{path} cites {id}, which is no requirement")));
     }
 
-    /// Fails if there is a gap, and prints each.
+    /// Prints each gap, and fails if there is one.
     fn verdict(&self) -> Result<()> {
         self.gaps.iter().for_each(|gap| eprintln!("error: {gap}"));
         match self.gaps.len() {
@@ -323,7 +323,7 @@ impl Trace {
         }
     }
 
-    /// Returns the labels of the rules, and then of the tests, that show a requirement.
+    /// Returns the labels of a requirement's evidence: first the rules, then the tests.
     fn shown_by(&self, id: &str) -> Vec<String> {
         let mut all: Vec<_> = self.evidence.iter().filter(|it| it.ids.iter().any(|one| one == id)).collect();
         all.sort_by_key(|it| (it.kind, &it.file, &it.name));
@@ -335,7 +335,7 @@ impl Trace {
         self.broken.get(id).map_or(&[], Vec::as_slice)
     }
 
-    /// Returns a sentence with the numbers of requirements, of the evidence for them, and of what broke them.
+    /// Returns a sentence with the numbers of requirements, pieces of evidence, defects and mutants.
     fn summary(&self) -> String {
         let count = |kind| self.evidence.iter().filter(|it| it.kind == kind).count();
         let weigh = |weight: &str| self.requirements.iter().filter(|it| it.weight == weight).count();

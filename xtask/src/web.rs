@@ -17,7 +17,7 @@ use crate::{Receivers, firmware};
 /// The target for which the bench is built: WebAssembly with WASI's names for standard error.
 const TARGET: &str = "wasm32-wasip1";
 
-/// The greatest size of all files, compressed, bytes.
+/// The greatest compressed size of all files, bytes.
 const MOST: usize = 3_000_000;
 
 /// The files that are written as they are.
@@ -34,7 +34,7 @@ const FILES: [(&str, &str); 10] = [
     ("worker.js", include_str!("../../bench/web/page/worker.js")),
 ];
 
-/// What the page may load: nothing from elsewhere.
+/// The content security policy of the page, which loads nothing from elsewhere.
 const POLICY: &str = "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self'; img-src 'self'; \
                       connect-src 'self'; worker-src 'self'; frame-src 'self'; base-uri 'none'; form-action 'self'";
 
@@ -65,7 +65,7 @@ pub(crate) fn write() -> Result<PathBuf> {
     check("building the bench for a browser", &mut command)?;
 
     let folder = folder();
-    // What an earlier version of the page had and this one has not is not served.
+    // Files of an earlier build are removed.
     if folder.exists() {
         std::fs::remove_dir_all(&folder).with_context(|| format!("cannot empty {}", folder.display()))?;
     }
@@ -88,7 +88,6 @@ pub(crate) fn write() -> Result<PathBuf> {
     Ok(folder)
 }
 
-/// Returns the base station's page with the bench below it.
 fn page() -> Result<String> {
     let page = include_str!("../../base-station/src/live/page/index.html");
     let policy = format!("<meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">");
@@ -115,7 +114,7 @@ fn put_before(page: &str, mark: &str, text: &str) -> Result<String> {
     Ok(format!("{before}{text}{mark}{after}"))
 }
 
-/// Returns the size of all files of a folder, each compressed as a server does it, bytes.
+/// Returns the compressed size of all files in a folder, bytes, as a server sends them.
 fn compressed(folder: &Path) -> Result<usize> {
     let mut size = 0;
     for file in std::fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))? {

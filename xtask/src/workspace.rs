@@ -24,8 +24,7 @@ pub(crate) const CARGO_FUZZ: Tool = Tool { name: "cargo-fuzz", version: "0.13.2"
 pub(crate) const SEMVER_CHECKS: Tool = Tool { name: "cargo-semver-checks", version: "0.51.0" };
 
 pub(crate) fn root() -> PathBuf {
-    // The workspace's root is the parent of xtask's folder. Cargo states that folder; without cargo it is the folder at
-    // build time.
+    // Cargo states xtask's folder, whose parent is the workspace's root. Without cargo the folder at build time counts.
     let manifest =
         std::env::var_os("CARGO_MANIFEST_DIR").map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")), PathBuf::from);
     manifest.parent().map_or(manifest.clone(), Path::to_path_buf)
@@ -52,8 +51,7 @@ pub(crate) fn target_dir() -> PathBuf {
 pub(crate) fn cargo() -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.current_dir(root()).env("PATH", path_with_tools());
-    // Variables that cargo has set for xtask's own package are removed, because they would be wrong for another
-    // package.
+    // Cargo's variables for xtask's own package would be wrong for another package.
     for (key, _) in std::env::vars_os() {
         let name = key.to_string_lossy();
         if name.starts_with("CARGO_PKG_") || name.starts_with("CARGO_MANIFEST_") || name == "CARGO_PRIMARY_PACKAGE" {
@@ -63,7 +61,7 @@ pub(crate) fn cargo() -> Command {
     command
 }
 
-/// Runs a command until it ends. The error of a command that fails names it `what`.
+/// Runs a command to its end. The error of a failure has the name `what`.
 pub(crate) fn check(what: &str, command: &mut Command) -> Result<()> {
     let status = command.status().with_context(|| format!("{what}: could not start {command:?}"))?;
     if !status.success() {
@@ -89,8 +87,8 @@ pub(crate) fn install(tool: &Tool) -> Result<()> {
     std::fs::write(&stamp, "").with_context(|| format!("could not write {}", stamp.display()))
 }
 
-/// Runs this command line again in a binary that has a further feature of xtask. On Unix the new process replaces this
-/// one, so that an interrupt from the keyboard reaches only one process.
+/// Runs this command line again in a binary with a further feature of xtask. On Unix that process replaces this one, so
+/// that only one process receives an interrupt from the keyboard.
 #[cfg(not(all(feature = "probe", feature = "live")))]
 pub(crate) fn again_with(feature: &str) -> Result<ExitCode> {
     let mut command = cargo();
@@ -164,7 +162,7 @@ mod tests {
         tracked().unwrap().into_iter().filter_map(of_file).collect()
     }
 
-    /// Returns all paths in `code`. A path with braces gives one path for each name in the braces.
+    /// Returns all paths in `code`. A path with braces counts once for each name in the braces.
     fn paths(code: &str) -> Vec<Vec<&str>> {
         let (mut all, mut groups, mut path, mut rest) = (vec![], vec![], vec![], code);
         while let Some(first) = rest.chars().next() {
@@ -188,8 +186,8 @@ mod tests {
         all
     }
 
-    /// Returns the dependencies between modules of one folder that are part of a circle, or lead to one. A folder
-    /// counts as one module. A module does not depend on the module that contains it.
+    /// Returns the dependencies between modules of one folder that lead into a circle. A folder counts as one module,
+    /// and a module does not depend on the module that contains it.
     fn circles(modules: &BTreeMap<Vec<String>, String>) -> BTreeSet<String> {
         let mut arrows = BTreeSet::new();
         for (module, code) in modules {

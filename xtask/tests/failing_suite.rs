@@ -11,9 +11,9 @@ fn suite() -> PathBuf {
     let mut command = Command::new(env!("CARGO"));
     command.args(["test", "--no-run", "--release", "--target", "thumbv7em-none-eabihf", "--message-format=json"]);
     command.args(["--package", "on-target-tests", "--test", "failing", "--features", "failing"]);
-    // The suite's stack never overflows, so the linker is used without flip-link.
+    // The suite's stack never overflows, so that flip-link is not needed.
     command.args(["--config", "target.thumbv7em-none-eabihf.linker='rust-lld'"]);
-    // Variables that cargo has set for this test's package are removed, because they would be wrong for the suite.
+    // Cargo's variables for this test's package would be wrong for the suite.
     for (key, _) in std::env::vars_os() {
         let name = key.to_string_lossy();
         if name.starts_with("CARGO_") && name != "CARGO_HOME" && name != "CARGO_TARGET_DIR" {

@@ -94,7 +94,7 @@ fn cargo_run(folder: &Path, arguments: &str) -> Output {
     std::fs::create_dir_all(folder.join(".cargo")).unwrap();
     std::fs::write(folder.join(".cargo/config.toml"), config).unwrap();
     let mut command = Command::new(env!("CARGO"));
-    // Variables that cargo has set for this test's package are removed: they would be wrong for the other project.
+    // Cargo's variables for this test's package would be wrong for the other project.
     for (key, _) in std::env::vars_os() {
         let name = key.to_string_lossy();
         if name.starts_with("CARGO_") && name != "CARGO_HOME" {
@@ -122,7 +122,7 @@ fn a_project_elsewhere_runs_its_firmware_on_the_bench_by_cargo_run() {
     let edges = |level: &str| out.lines().filter(|line| line.ends_with(&format!("P0.13 {level}"))).count();
     assert_eq!((edges("high"), edges("low")), (2, 3), "low when it becomes an output, then two pulses: {out}");
     assert!(err.contains("still running after 0.1 s of virtual time, as it should (--seconds)"), "{err}");
-    // All RAM that the statics leave free belongs to the stack. The firmware uses a little of it.
+    // The stack gets all RAM that the statics leave free. The firmware uses a little of it.
     let stack = err.split("stack ").nth(1).and_then(|rest| rest.split(" bytes at worst").next()).unwrap();
     let (used, size) = stack.split_once(" of ").unwrap();
     let (used, size): (usize, usize) = (used.parse().unwrap(), size.parse().unwrap());
@@ -132,7 +132,7 @@ fn a_project_elsewhere_runs_its_firmware_on_the_bench_by_cargo_run() {
         assert!(std::env::var_os("CI").is_none(), "there is no gdb-multiarch: apt-get install gdb-multiarch");
         eprintln!("not run: there is no gdb-multiarch: apt-get install gdb-multiarch");
     } else {
-        // With gdb connected, the run must give the same output, and gdb must get the run's exit status.
+        // The run's output and exit status must be the same with gdb.
         let looks = ["set language c", "tbreak main", "continue", "info registers pc", "monitor pin P0.11"];
         let watches = ["watch *(unsigned *)0x50000508", "continue", "stepi", "monitor pin P0.13", "delete", "continue"];
         let script = [&looks[..], &watches].concat();

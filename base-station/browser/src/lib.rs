@@ -312,7 +312,8 @@ impl Tab {
 
 impl Drop for Tab {
     fn drop(&mut self) {
-        // An error is ignored, because the browser may have ended already. Its helper processes end with it.
+        // An error is ignored, because the browser may have ended already. The browser's helper processes end with the
+        // browser.
         let _ = self.process.kill();
         let _ = self.process.wait();
     }

@@ -1,7 +1,8 @@
 //! Judges and keeps Hold-Status, the object of the [active hold](profile::hold), beside HORUS's objects.
 //!
-//! The flight controller's client ([`HoldTrack`]) decides whether there is a Hold-Status at all, with the same limit as
-//! on the drone. Before that, [`order`](super::order) leaves out what a radio delayed, repeated or reordered.
+//! This module uses the flight controller's client ([`HoldTrack`]), which decides whether there is a Hold-Status at
+//! all, with the same limit as on the drone. Before that, [`order`](super::order) leaves out what a radio delayed,
+//! repeated or reordered.
 //!
 //! **Nothing of HORUS depends on it.** A Hold-Status is no sign of life of the drone and changes no alarm, whether it
 //! is intact or damaged. What the hold reports is a [notice](HoldState::notices).
@@ -20,8 +21,8 @@ use crate::{Intact, Place};
 pub enum Presence {
     /// No intact Hold-Status has ever arrived.
     Never,
-    /// The last Hold-Status has stayed the same for more than [300 ms](profile::hold::EXPIRY_MS), came more than
-    /// [`OLD_US`] late, or the DPR says that there is none any more.
+    /// The last Hold-Status has stayed the same for more than [300 ms](profile::hold::EXPIRY_MS), or came more than
+    /// [`OLD_US`] late, or the DPR says that there is no Hold-Status any more.
     Expired,
     /// The last Hold-Status is the present one.
     Valid,
@@ -87,7 +88,7 @@ impl HoldState {
         Verdict::New
     }
 
-    /// Returns whether an intact Hold-Status that arrived at `at_us` may continue the earlier ones, or is late.
+    /// Returns true if an intact Hold-Status that arrived at `at_us` continues the earlier ones or may be late.
     pub(super) fn fits(&self, at_us: u64, timestamp: u32) -> bool {
         self.order.fits(timestamp, at_us, false, self.ages.early_us(timestamp, at_us, true))
     }
@@ -96,7 +97,8 @@ impl HoldState {
     #[must_use]
     pub fn presence(&self, now_us: u64) -> Presence {
         let Some((_, held)) = &self.last else { return Presence::Never };
-        // A copy of the track gets a transaction that read nothing, so that the last Hold-Status ages until `now_us`.
+        // An empty transaction at `now_us` makes the track check the age of the last Hold-Status. The transaction goes
+        // to a copy, so that the track itself stays the same.
         let shown = self.track.clone().read(&view(&[]), now_us).shown;
         let is_valid = shown == HoldShown::Valid && held.age_us(now_us) <= OLD_US;
         if is_valid { Presence::Valid } else { Presence::Expired }

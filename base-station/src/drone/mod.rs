@@ -2,22 +2,22 @@
 //!
 //! **Each object is judged separately.** CRCs and identifier determine whether an object is intact ([`Place::judge`]).
 //! An intact object is shown if it is newer than the displayed object of its kind. So if two messages arrive in the
-//! wrong order, the objects of the older one have no effect, except those that the newer one lacks.
+//! wrong order, objects of the older message have no effect, except those of kinds that the newer message lacks.
 //!
 //! **A HORUS that has restarted** counts from 0 again, so its objects are older than the displayed ones. They are
-//! accepted after three cycles in a row that each advance, once the displayed sender is quiet. None of these cycles may
-//! be older than the time for which nothing newer came: a HORUS from which data came two seconds ago cannot have been
-//! running for an hour since its restart. The displayed data are then dropped. A single repeated, delayed, reordered or
-//! inserted message is never taken for a restart. Three delayed messages in a row may be, in HORUS's first
-//! [`RESTART_SLACK_US`](order::RESTART_SLACK_US); the next newer message corrects this. Other messages belong to
-//! another sender ([`order`], [`fleet`](crate::fleet)).
+//! accepted after three cycles in a row that each advance, once the displayed sender is quiet. By these timestamps,
+//! HORUS must not have been running for longer than nothing newer has come: a HORUS from which data came two seconds
+//! ago cannot have been running for an hour since its restart. Then the displayed data are dropped. A single repeated,
+//! delayed, reordered or inserted message is never taken for a restart. Three delayed messages in a row may be taken
+//! for one in HORUS's first [`RESTART_SLACK_US`](order::RESTART_SLACK_US); the next newer message corrects this. Other
+//! messages belong to another sender ([`order`], [`fleet`](crate::fleet)).
 //!
-//! The data of a restarted HORUS may arrive only after it has run for longer than before. Its timestamps then continue
-//! the earlier ones, and only a changed reason of HORUS's last reset reveals the restart.
+//! The data of a restarted HORUS may arrive only when it has been running for longer than it had before the restart.
+//! Its timestamps then continue the earlier ones, and only a changed reason of HORUS's last reset reveals the restart.
 //!
 //! Link-Status and Port-Status have the DPR's clock and are judged in the same way. The base station's uplink has the
 //! clock of the station that sent it, so no timestamps can be compared: the last uplink is always kept, and only its
-//! sender can evaluate it ([`uplink`](Drone::uplink)). It is not a sign of life of the drone.
+//! sender can evaluate it ([`uplink`](Drone::uplink)). An uplink is not a sign of life of the drone.
 //!
 //! **Everything that is kept can be shown.** Impossible values, and values that their status does not mark as valid,
 //! are removed first ([`profile::range`]).
@@ -25,7 +25,7 @@
 //! **Alarms** follow from the kept data and the time; [`Drone::tick`] returns their changes. The bits of Link-Status
 //! are alarms as well.
 //!
-//! **The active hold** is judged and kept beside all of this ([`hold`]), which does not depend on it.
+//! **The active hold** is judged and kept separately ([`hold`]). Nothing else here depends on it.
 
 pub mod hold;
 pub mod order;
@@ -43,8 +43,8 @@ use crate::{Alarm, Bundle, Change, Intact, Place, Raised};
 use hold::HoldState;
 use order::{Order, Step};
 
-/// The age from which on a position is stale, µs. The page must report this within half a second, and needs the rest of
-/// that time to receive and draw the state.
+/// The age from which on a position is stale, µs. The page must report a stale position at an age of half a second. The
+/// time from this age to half a second is for receiving and drawing the state.
 pub const STALE_US: u64 = 400_000;
 
 /// The age from which on the data of a receiver or of the link are old, µs. It is long because receivers take turns on
@@ -57,12 +57,12 @@ pub const SILENT_US: u64 = 1_000_000;
 /// The time for which a single event causes an alarm, µs.
 pub const RECENT_US: u64 = 10_000_000;
 
-/// The time after a sample's first arrival from which on its duplicates are counted, µs. If more than
-/// [`FROZEN_REPEATS`] come, HORUS's timestamp is frozen.
+/// Duplicates of a sample are counted if they come later than this time after the sample's first arrival, µs. If more
+/// than [`FROZEN_REPEATS`] come, HORUS's timestamp is frozen.
 pub const FROZEN_US: u64 = 300_000;
 
-/// The greatest number of duplicates that is no alarm. Only those of one sample that come later than [`FROZEN_US`]
-/// after its first arrival count.
+/// The greatest number of late duplicates of one sample that causes no alarm. A duplicate is late if it comes more than
+/// [`FROZEN_US`] after the sample's first arrival.
 pub const FROZEN_REPEATS: u32 = 2;
 
 /// The verdict on an object that arrived.
@@ -76,7 +76,8 @@ pub enum Verdict {
     Older,
     /// The object is intact, but is not shown, since its timestamp does not continue the earlier ones.
     OutOfSequence,
-    /// There is no object. Its bytes are 0x00 or 0xFF throughout, because the DPR did not accept one.
+    /// There is no object: the bytes at its place are 0x00 or 0xFF throughout, because the DPR did not accept an
+    /// object.
     Vacant,
     /// The object is not intact, or is of another kind than expected.
     Rejected(Rejection),
@@ -193,7 +194,7 @@ pub struct Drone {
 }
 
 impl Drone {
-    /// Returns a drone without data, which is awaited since `now_us`.
+    /// Returns a drone without data. The drone is awaited since `now_us`.
     #[must_use]
     pub fn new(now_us: u64) -> Self {
         Self {
@@ -220,8 +221,8 @@ impl Drone {
         }
     }
 
-    /// Judges a message's objects, which arrived at `at_us`, and keeps the accepted ones. Returns the verdicts in their
-    /// order.
+    /// Judges a message's objects, which arrived at `at_us`, and keeps the accepted ones. Returns the verdicts in the
+    /// order of the objects.
     pub fn take_bundle(&mut self, at_us: u64, bundle: &Bundle<'_>) -> Vec<Verdict> {
         self.counts.messages += 1;
         self.stranger = false;
@@ -390,7 +391,7 @@ impl Drone {
                 let held = Held { values, timestamp, arrived_us, late_us, repeats: 0, crc, implausible };
                 self.gps[receiver] = Some(held);
             }
-            // This cannot occur: a GPS object is found intact only where a message has a GPS object.
+            // Only bytes at the place of a GPS object are judged to be a GPS object, so this case cannot occur.
             (Object::Gps(_), None) => {}
         }
         Verdict::New
@@ -546,7 +547,7 @@ impl Drone {
         self.uplink.as_ref()
     }
 
-    /// Returns what is known of the active hold; `None` if nothing of one was forwarded.
+    /// Returns what is known of the active hold; `None` if the drone has forwarded nothing of a hold.
     #[must_use]
     pub fn hold(&self) -> Option<&HoldState> {
         self.hold.as_deref()

@@ -1,8 +1,8 @@
 //! Determines which timestamps continue the earlier ones on a link that loses, reorders and delays messages.
 //!
 //! The DPR judges each cycle by its own clock, to a quarter of a cycle ([`profile::sequence`]). Behind a radio that is
-//! impossible: a timestamp may skip any number of cycles and come [late](crate::age). It must neither run ahead of time
-//! nor go back.
+//! impossible: a timestamp may skip any number of cycles and come [late](crate::age). But a timestamp must neither run
+//! ahead of time nor go back.
 //!
 //! # Discontinuities
 //!
@@ -16,29 +16,31 @@
 //! | is quiet for [`QUIET_US`] | back by more than [`LATE_US`] | a stranger: perhaps a replayed recording |
 //! | has sent less than [`QUIET_US`] ago, but does not continue | any | not known yet |
 //!
-//! A sender is replaced only in these cases, so messages that arrive among those of the true sender cannot replace it.
+//! A sender is replaced only in the cases of this table. So messages that arrive among those of the true sender cannot
+//! replace it.
 
 use profile::{Freshness, freshness};
 
-/// How much earlier than the shortest delay allows a sender's first timestamps may come, µs: the differences of delay
-/// in one carrier.
+/// The time, µs, by which a sender's first timestamps may come earlier than the shortest delay allows: the differences
+/// of delay in one carrier.
 pub const SLACK_US: u64 = 2_000_000;
 
-/// How much earlier than the shortest delay allows later timestamps may come, after the first [`SEARCH_CYCLES`], µs.
+/// The time, µs, by which later timestamps, after the first [`SEARCH_CYCLES`], may come earlier than the shortest delay
+/// allows.
 pub const AHEAD_US: u64 = 1_000_000;
 
 /// The longest time for which a carrier holds a message back while it delivers others, µs.
 pub const LATE_US: u64 = 10_000_000;
 
-/// The time, µs, by which a restarted sender's timestamp may exceed the time since the earlier sender's newest message.
-/// That message may have been on its way for so long.
+/// The longest time, µs, for which the earlier sender's newest message may have been on its way. A restarted sender may
+/// have started when that message left, so its timestamp may exceed the time since the message's arrival by this much.
 pub const RESTART_SLACK_US: u64 = 500_000;
 
-/// The number of timestamps in a row, each newer than the last, after which a restart or another sender is accepted.
+/// A restart or another sender is accepted after this number of timestamps in a row, each newer than the one before.
 pub const SEARCH_CYCLES: u8 = 3;
 
-/// The time, µs, after a sender's last message before which no other sender can replace it. A sender slower than 4 Hz
-/// is [stale](super::STALE_US) between two messages.
+/// Within this time after a sender's last message, µs, no other sender can replace that sender. A sender slower than 4
+/// Hz is [stale](super::STALE_US) between two messages.
 pub const QUIET_US: u64 = 250_000;
 
 /// The number of simultaneous searches. With more than one, unrelated messages cannot keep a sender from being found.
@@ -49,15 +51,14 @@ const SEARCHES: usize = 4;
 pub enum Step {
     /// The timestamp is newer than all earlier ones.
     Newest {
-        /// The number of cycles between this timestamp and the one that was the newest before it, whose objects did not
-        /// arrive.
+        /// The number of cycles that did not arrive between this timestamp and the newest one before it.
         missed: u32,
     },
     /// The timestamp equals the newest one.
     Same,
     /// The timestamp is older than the newest timestamp that has arrived.
     Older,
-    /// The timestamp does not continue the earlier ones; its object is not shown.
+    /// The timestamp does not continue the earlier ones, so the object is not shown.
     Search,
     /// The timestamp is of a sender that has restarted, so the earlier data are dropped.
     Restarted,
@@ -84,8 +85,8 @@ enum Kind {
     },
     Same,
     Older,
-    /// The timestamp does not continue the earlier ones. `back` is false if it is ahead, or if it fits a sender that
-    /// has restarted.
+    /// The timestamp does not continue the earlier ones. `back` is true if the timestamp goes back and does not fit a
+    /// sender that has restarted.
     Strange {
         back: bool,
     },

@@ -128,7 +128,7 @@ fn vacant_misplaced_and_mixed_objects_are_told_apart() {
     take(&mut drone, 0, &bytes);
     assert_eq!(drone.counts().mixed, 1);
 
-    // An image of zeros counts as a message. It has no object to show, so it is no sign of life.
+    // A message with an image of zeros is counted. Such a message has no object to show, so it is no sign of life.
     take(&mut drone, 5_000_000, &[0; 244]);
     assert_eq!((drone.counts().messages, drone.counts().vacant, drone.heard_us()), (4, 5, 0));
 }

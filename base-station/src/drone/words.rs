@@ -118,7 +118,6 @@ fn age<T>(f: &mut String, held: &Held<T>, now_us: u64) -> fmt::Result {
     writeln!(f, "  {:.2} s ago", held.age_us(now_us) as f64 / 1e6)
 }
 
-/// Writes one object's position and attitude, in degrees and metres.
 fn row(f: &mut String, valid: bool, [latitude, longitude, altitude]: [f64; 3], attitude: [f32; 3]) -> fmt::Result {
     if !valid {
         return write!(f, "no position");

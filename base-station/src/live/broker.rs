@@ -175,8 +175,8 @@ pub fn subscribe(broker: Broker, station: Option<&str>, line: u16, clock: Clock,
     let filter = format!("{TOPICS}/{}/+", station.unwrap_or("+"));
     let to = inlet.clone();
     spawn(broker, events, inlet, move |event| match event {
-        // A new connection needs a new subscription. The client's queue has room for it, because the queue was emptied
-        // when the last connection ended.
+        // A new connection needs a new subscription. The client's queue has room for the subscription, because the
+        // queue was emptied when the last connection ended.
         Happened::Connected => client.try_subscribe(filter.clone(), QoS::AtMostOnce).is_ok(),
         Happened::Lost => true,
         Happened::Came(published) => {

@@ -12,7 +12,7 @@ use crate::intake::{Carried, Kind, MAX_DATAGRAM};
 
 const SERIAL_TIMEOUT: Duration = Duration::from_millis(5);
 
-/// The size of the system's buffer for received bytes: that of the messages of a thousand drones in a second.
+/// The size of the system's buffer for received bytes. The messages of a thousand drones in a second fit into it.
 const RECEIVE_BUFFER: usize = 8 << 20;
 
 const RETRY: Duration = Duration::from_secs(1);

@@ -292,8 +292,8 @@ fn run(
                     export::judge(&mut known.intake, &record);
                     record.commands.iter().for_each(|told| known.note_command(told.clone()));
                     known.now_us = known.now_us.max(record.carried.at_us);
-                    // The history uses the time of the recorded data. During a jump the playback's time is ahead of
-                    // that time.
+                    // The history uses the time of the recorded data. During a jump a playback's own time is ahead of
+                    // the data.
                     let StationData { history, intake, .. } = &mut *known;
                     history.look(record.carried.at_us, intake.fleet());
                 }

@@ -44,7 +44,7 @@ impl Recording {
         self.parts.iter().map(|part| Ok(part.metadata()?.len())).sum()
     }
 
-    /// Passes each record to `each` until that returns false; `progress` gets the number of bytes read. Returns the
+    /// Passes each record to `each` until `each` returns false; `progress` gets the number of bytes read. Returns the
     /// parts that are cut off.
     ///
     /// # Errors
@@ -112,7 +112,7 @@ pub struct Player {
 pub const MAX_SPEED: f64 = 100.0;
 
 impl Player {
-    /// Returns a player of a recording with these contents, which begins at `from_us`.
+    /// Returns a player of a recording with these contents. The playback begins at `from_us`.
     #[must_use]
     pub fn new(contents: &Contents, from_us: u64, speed: f64) -> Self {
         let from_us = from_us.clamp(contents.first_us, contents.last_us);
@@ -140,8 +140,8 @@ impl Player {
         self.pace().speed
     }
 
-    /// Returns the number of changes of pace or instant so far. From it a caller knows whether its own change has taken
-    /// effect.
+    /// Returns the number of changes of pace or instant so far. A caller compares it with the number of its own change,
+    /// to learn whether that change has taken effect.
     #[must_use]
     pub fn changes(&self) -> u64 {
         self.pace().changes

@@ -11,7 +11,7 @@
 //! | streams of states | [`MAX_WATCHERS`](super::page::MAX_WATCHERS) | a further one is refused with 503 |
 //!
 //! A connection holds its buffers and one state, whatever its reader does. So the memory of all connections is bounded,
-//! and a slow one does not delay the others.
+//! and a slow connection does not delay the others.
 
 use std::io;
 use std::sync::Arc;
@@ -26,7 +26,7 @@ use tokio::sync::Semaphore;
 use tokio::time::sleep;
 use tokio_io_timeout::TimeoutStream;
 
-/// The limits of connections, which are shorter in tests.
+/// The limits of connections. In tests these limits are shorter.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
     /// The greatest number of connections that may be open at once.

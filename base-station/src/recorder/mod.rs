@@ -55,7 +55,7 @@ const COMMANDS: &str = "/hold-commands";
 
 /// Makes the parts of a recording.
 pub trait Parts {
-    /// The type to which a part's data are written.
+    /// A writer to which a part's data go, such as a file.
     type Part: Write;
 
     /// Makes the part of this number, from 0, without overwriting an existing one.
@@ -178,7 +178,8 @@ impl Sample {
                     let position = valid.map(|values| [values.latitude, values.longitude, values.altitude]);
                     samples.extend(position.map(|position| Self::Position(*id, *place, position)));
                 }
-                // Port-Status and uplinks are not sampled. The sender of an uplink reports its state.
+                // No samples are made of Port-Status and uplinks. The part of the station that sends an uplink reports
+                // its state.
                 Place::Hold => {
                     let held = drone.hold().and_then(HoldState::held);
                     samples.extend(held.map(|held| Self::Hold(*id, held.values)));
@@ -233,7 +234,7 @@ impl<P: Parts> Recorder<P> {
         }
     }
 
-    /// Records the state of an uplink of this station, which changed at `at_us`.
+    /// Records the state that an uplink of this station took at `at_us`.
     pub fn uplink(&mut self, at_us: u64, told: &UplinkChange) {
         self.put(at_us, "/uplinks", ros::UPLINK, &ros::uplink(told));
     }

@@ -238,9 +238,10 @@ fn chunk_head(body: &[u8]) -> Option<(u32, String, u64, &[u8])> {
     Some((crc, compression, u64::from_le_bytes(*take::<8>(&mut rest)?), rest))
 }
 
-/// Parses a record other than a chunk, and returns it if it is an arrival. The record may define a channel of arrivals
-/// or commands, whose number is added to `channels`, or hold a command, which is added too. `is_lossy` means that an
-/// earlier chunk was lost, perhaps with definitions of channels. Then each message may be an arrival.
+/// Parses a record other than a chunk, and returns the record if it is an arrival. If the record defines a channel of
+/// arrivals or commands, the channel's number is added to `channels`. If the record holds a command, the command is
+/// added there too. `is_lossy` means that an earlier chunk was lost, perhaps with definitions of channels. Then each
+/// message may be an arrival.
 fn look(channels: &mut Channels, is_lossy: bool, opcode: u8, body: &[u8]) -> Result<Option<Record>, Stop> {
     let malformed = |what: &str| Stop::Torn(format!("a {what} that is malformed"));
     match opcode {
@@ -272,7 +273,7 @@ fn look(channels: &mut Channels, is_lossy: bool, opcode: u8, body: &[u8]) -> Res
 
 fn channel(mut body: &[u8]) -> Option<(u16, &[u8])> {
     let id = u16::from_le_bytes(*take::<2>(&mut body)?);
-    // The channel also names its schema by number, which is not needed here.
+    // The channel also names its schema by a number. This number is not needed here.
     take::<2>(&mut body)?;
     Some((id, array(&mut body)?))
 }

@@ -269,14 +269,12 @@ pub(super) fn fix(at_us: u64, [latitude, longitude, altitude]: [f64; 3]) -> Vec<
     out.extend(u32::try_from(seconds).unwrap_or(u32::MAX).to_le_bytes());
     out.extend(u32::try_from(rest_us * 1_000).unwrap_or_default().to_le_bytes());
     put(&mut out, b"wgs84");
-    // The status 0 says that the satellite system of the fix is unknown.
     out.push(0);
     out.extend(0_u16.to_le_bytes());
     for value in [latitude, longitude, altitude] {
         out.extend(value.to_le_bytes());
     }
     out.extend([0; 9 * 8]);
-    // The type 0 says that the covariance is unknown.
     out.push(0);
     out
 }

@@ -72,8 +72,8 @@ impl Sample {
         self.voted.map(degrees)
     }
 
-    /// Returns the latitude and longitude, degrees, of the first `receivers` receivers. A receiver has them if they
-    /// were valid and not old.
+    /// Returns the latitude and longitude, degrees, of the first `receivers` receivers; `None` for a receiver whose
+    /// position was invalid or old.
     pub fn gps(&self, receivers: usize) -> impl Iterator<Item = Option<[f64; 2]>> {
         self.gps.into_iter().take(receivers).map(|place| place.map(degrees))
     }
@@ -90,8 +90,8 @@ impl Sample {
         Some(self.age).filter(|age| !age.is_nan())
     }
 
-    /// Returns the least number of agreeing receivers since the last sample, without the times at which the position
-    /// was stale or missing.
+    /// Returns the least number of agreeing receivers since the last sample. Times at which the position was stale or
+    /// missing do not count.
     #[must_use]
     pub const fn agree(&self) -> Option<u8> {
         self.agree

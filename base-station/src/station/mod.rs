@@ -1,6 +1,6 @@
-//! The state of a station: what has arrived, what is kept of it, and how the page is told.
+//! The state of a station: what has arrived, what is kept of it, and how the kept data are formatted for the page.
 //!
-//! There is neither clock nor I/O, so `live` and a page without a server share it.
+//! This module has neither clock nor I/O, so that `live` and a page without a server can both use it.
 
 pub mod history;
 mod hold;

@@ -25,11 +25,13 @@ struct Sample(u64, Option<[f64; 2]>, Vec<Option<[f64; 2]>>, Option<f32>, Option<
 pub struct Playback {
     /// The pace as a multiple of real time.
     pub speed: f64,
-    /// The instant, s from the recording's begin. During a jump back the station is behind it.
+    /// The playback's instant, s from the recording's start. During a jump back the shown data are still from an
+    /// earlier instant.
     pub at_s: f64,
     /// The length of the recording, s.
     pub length_s: f64,
-    /// The number of changes of pace or instant. By it the page knows which states include its own change.
+    /// The number of changes of pace or instant so far. A state with this number includes the changes up to it, also
+    /// those that the page requested.
     pub changes: u64,
     /// The instant, µs since 1970.
     #[serde(skip)]
@@ -113,7 +115,7 @@ struct Port {
 
 #[derive(Serialize)]
 struct Uplink {
-    /// The uplink's timestamp, ms on this station's clock, which identifies the uplink.
+    /// The uplink's timestamp, ms on this station's clock. It identifies the uplink.
     timestamp: u32,
     status: u16,
     payload: String,
@@ -198,7 +200,7 @@ struct Counts {
     restarts: u64,
 }
 
-/// What a state has beside the details of one drone.
+/// The parts of a state that are requested besides the details of one drone.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct With {
     /// Whether the state has the list of all drones and of the alarms that began or ended.
@@ -297,7 +299,7 @@ pub fn state(
     }
 }
 
-/// Returns the drone of this name. If that one is gone, returns another sender with its id.
+/// Returns the drone of this name. If that drone is gone, returns another sender with its id.
 fn named<'a>(fleet: &'a Fleet, name: &str) -> Option<(DroneId, &'a Drone)> {
     let who = |id: DroneId| id.who.to_string();
     fleet.iter().find(|(id, _)| id.to_string() == name).or_else(|| {

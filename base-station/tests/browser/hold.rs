@@ -1,5 +1,5 @@
-//! Tests the active hold on the page. The whole way of a command, with both firmwares and the hold's, is tested by
-//! `cargo xtask live` (xtask/src/live/tests/hold.rs).
+//! Tests the active hold on the page. `cargo xtask live` (xtask/src/live/tests/hold.rs) tests a command's whole way,
+//! with both firmwares and the hold's.
 
 use profile::criticality::ActiveLoad;
 use profile::hold::{Acknowledged, Outcome};
@@ -63,7 +63,6 @@ fn the_hold_is_shown_as_never_received_present_and_expired() {
     let acknowledged = [of("Acknowledged to the base station"), of("Acknowledged to the flight controller")];
     assert_eq!(acknowledged, ["number 3: done", "number 9: refused"]);
 
-    // A fault of the hold appears as a notice, while HORUS's data stay without an alarm.
     let faulty = HoldValues { status: values().status.with_sensor_fault(true), output: f32::NAN, ..values() };
     let notice = "document.getElementById('hold-notices').textContent === 'Notice: a sensor of the hold has a fault'";
     fly(&mut scene, &mut tab, Some(faulty), &format!("{} && {notice}", well_and("present")));
@@ -76,7 +75,6 @@ fn the_hold_is_shown_as_never_received_present_and_expired() {
     fly(&mut scene, &mut tab, None, &well_and("EXPIRED"));
     assert_eq!(tab.eval("document.querySelectorAll('#hold-form, [data-command]').length"), json!(0));
     screenshot(&mut tab, "hold-expired");
-    // A page that is opened later shows the samples that the station has kept.
     let known = tab.eval("holdHistory.length").as_u64().unwrap();
     assert!(known > 3, "{known}");
     tab.open(&scene.address());

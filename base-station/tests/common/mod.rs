@@ -13,7 +13,6 @@ pub(crate) fn not_run(missing: &str, how: &str) {
     eprintln!("not run: {missing} ({how})");
 }
 
-/// Returns the DPR's image of three receivers at the time `timestamp` of HORUS's clock, ms.
 pub(crate) fn image(timestamp: u32) -> Vec<u8> {
     let status = ReportedStatus::new()
         .with_position_valid(true)

@@ -70,7 +70,7 @@ fn judged(kind: Kind, from: &str, bytes: &[u8]) -> Vec<Judged> {
     };
     let judged = intake.take_each(&carried, |_, _| true, all);
     assert_eq!(intake.fleet().iter().len() > 0, judged.iter().any(|judged| judged.verdict.is_intact()));
-    // No drone is known before the first bundle with an intact object, so `brought` lacks the bundles before it.
+    // The first objects of an unknown drone, up to its first intact one, have no verdict in `judged`.
     let verdicts: Vec<_> = judged.iter().map(|judged| judged.verdict).collect();
     assert!(verdicts.ends_with(&brought));
     assert!(intake.take(&carried).iter().all(|judged| judged.verdict != Verdict::New));

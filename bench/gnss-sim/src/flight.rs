@@ -298,7 +298,7 @@ impl Flight {
     }
 }
 
-/// The values at one instant that follow from the plans without an integral.
+/// The parts of a flight's state at one instant that follow from the plans directly, without an integral over time.
 struct Pose {
     /// The course as a continuous angle, which may exceed ±π.
     course: f64,
@@ -355,7 +355,7 @@ impl Plan {
             .ramps
             .last()
             .map_or((self.initial, f64::NEG_INFINITY), |last| (last.from + last.change, last.start + last.duration));
-        // The planned start may lie before the end of the last ramp by a rounding error only.
+        // A rounding error may put the planned start slightly before the end of the previous ramp.
         assert!(duration > 0.0 && start >= free - 1e-6, "ramps follow one another");
         self.ramps.push(Ramp { start: start.max(free), duration, from, change });
     }

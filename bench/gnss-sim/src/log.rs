@@ -253,7 +253,7 @@ impl Log {
         self.bursts.iter().map(|(at, range)| (*at, &self.bytes[range.clone()]))
     }
 
-    /// The burst number `index`, counted from zero.
+    /// Returns the burst with this index, counted from zero.
     #[must_use]
     pub fn burst(&self, index: usize) -> Option<(u64, &[u8])> {
         let (at, range) = self.bursts.get(index)?;

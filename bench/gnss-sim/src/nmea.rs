@@ -37,7 +37,7 @@ pub(crate) fn sentences(pvt: &NavPvt) -> Vec<u8> {
 fn angle(degrees_1e7: i32, digits: usize) -> String {
     let angle = degrees_1e7.unsigned_abs();
     let minutes = f64::from(angle % 10_000_000) * 60.0 / 1e7;
-    // Rounding to five digits must not give 60 minutes.
+    // The rounding of the minutes to five digits must not give 60 minutes.
     let minutes = minutes.min(59.999_99);
     format!("{:0digits$}{minutes:08.5}", angle / 10_000_000)
 }

@@ -2,9 +2,9 @@
 //!
 //! # Design
 //!
-//! A receiver is an iterator of [`Burst`]s in order of time. It calculates each burst when it is asked for it, from the
-//! state before, so a run of any length needs no memory. A burst starts only when the one before has left the line, at
-//! the receiver's bit rate.
+//! A receiver is an iterator of [`Burst`]s in order of time. It calculates a burst only when it is asked for it, from
+//! the state before that burst. So a run of any length needs no memory. A burst starts only when the one before has
+//! left the line, at the receiver's bit rate.
 //!
 //! A generated receiver starts as if HORUS had configured it before; [`Receiver::with_factory_settings`] returns one
 //! that HORUS has yet to configure. A message to the receiver ([`Receiver::hear`]) may change its output; the next
@@ -57,7 +57,7 @@ const BIAS_TIME: f64 = 60.0;
 pub struct Burst {
     /// The instant at which the start bit of the first byte begins, ns after reset.
     pub at_ns: u64,
-    /// The bytes; none if no message is configured for a solution.
+    /// The bytes of the burst; empty if the receiver is configured to send no message with this solution.
     pub bytes: Vec<u8>,
 }
 
@@ -159,7 +159,7 @@ impl Receiver {
         Self::with_model(Model::fitted(index), index, seed, flight)
     }
 
-    /// Returns a receiver like [`Self::generated`] does, but of the given model.
+    /// Returns a generated receiver ([`Self::generated`]) of the given model.
     #[must_use]
     pub fn with_model(model: Model, index: usize, seed: u64, flight: Arc<Flight>) -> Self {
         Self::from_source(Source::Generated(Box::new(Generated::new(model, index, seed, flight))))
@@ -429,7 +429,8 @@ impl Generated {
     /// Derives the output from the configuration for the time from `at_ns` (ns after reset) on.
     fn follow_configuration(&mut self, at_ns: u64) {
         self.output = self.configuration.output();
-        // The clock's error is at most 1 ms, which is added so that the next epoch lies after `at_ns`.
+        // The receiver's clock may be wrong by up to 1 ms. One more millisecond therefore makes the next epoch later
+        // than `at_ns`.
         let period_ns = u64::from(self.output.period_ms) * 1_000_000;
         self.epoch = (self.reset_ns + at_ns + 1_000_000).div_ceil(period_ns);
     }

@@ -27,7 +27,6 @@ fn valset(layers: u8, items: &[(u32, u64)]) -> Vec<u8> {
     ubx::frame(CLASS_CFG, VALSET, &payload)
 }
 
-/// Sends `bytes`, which arrive at `at`, and returns all answers.
 fn tell(receiver: &mut Receiver, at: u64, bytes: &[u8]) -> Vec<Vec<u8>> {
     bytes.iter().filter_map(|byte| receiver.hear(at, Some(*byte))).collect()
 }
@@ -36,12 +35,10 @@ fn answer(id: u8) -> Vec<Vec<u8>> {
     vec![ubx::frame(CLASS_ACK, id, &[CLASS_CFG, VALSET])]
 }
 
-/// The bursts that begin up to `end`, ns after reset.
 fn sent(receiver: &mut Receiver, end: u64) -> Vec<Burst> {
     std::iter::from_fn(|| if receiver.next_at()? < end { receiver.next() } else { None }).collect()
 }
 
-/// The class and the identifier of each UBX message in a burst.
 fn messages(burst: &Burst) -> Vec<(u8, u8)> {
     let (mut found, mut rest) = (vec![], &burst.bytes[..]);
     while !rest.is_empty() {
@@ -165,8 +162,7 @@ fn a_message_with_a_key_that_is_not_known_is_refused_whole() {
     refused(&mut receiver, &[(Port::Uart1.protocol_key(OUTPROT_UBX), 2)]);
     refused(&mut receiver, &[]);
     refused(&mut receiver, &[(RATE_MEAS, 200); 65]);
-    // Each of these messages is refused: the first has no layer, the second an unknown version, and the third an
-    // incomplete item.
+    // UBX-CFG-VALSET is refused without a layer, with an unknown version, and with an incomplete item.
     let cut = [0, 1, 0, 0, 1, 0, 0x21, 0x30, 5];
     assert_eq!(tell(&mut receiver, 0, &valset(0, &[(RATE_MEAS, 200)])), answer(NAK));
     assert_eq!(tell(&mut receiver, 0, &ubx::frame(CLASS_CFG, VALSET, &[7, 1, 0, 0])), answer(NAK));

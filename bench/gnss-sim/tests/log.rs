@@ -57,10 +57,8 @@ fn a_log_is_scheduled_despite_gaps_and_time_that_stands_still() {
         &pvt(WEEK_MS - 200, 1).encode(),
         &pvt(0, 2).encode(),
         &pvt(3_600_000, 3).encode(),
-        // The first of two NAV-PVT messages repeats the last time of week, and the second has an earlier one.
         &pvt(3_600_000, 4).encode(),
         &pvt(1_000, 5).encode(),
-        // A NAV-ATT with an earlier time of week begins no epoch.
         &NavAtt { itow_ms: 500, ..NavAtt::default() }.encode(),
         &pvt(1_200, 6).encode(),
     ])
@@ -99,7 +97,7 @@ fn damaged_messages_neither_count_nor_tell_the_time() {
 
 #[test]
 fn rtcm_and_nmea_are_counted_as_such_and_not_searched_for_ubx() {
-    // The message RTCM 1005 is the example in RTCM 10403.3.
+    // This RTCM message of type 1005 is the example in RTCM 10403.3.
     let rtcm = [
         0xd3, 0x00, 0x13, 0x3e, 0xd7, 0xd3, 0x02, 0x02, 0x98, 0x0e, 0xde, 0xef, 0x34, 0xb4, 0xbd, 0x62, 0xac, 0x09,
         0x41, 0x98, 0x6f, 0x33, 0x36, 0x0b, 0x98,

@@ -6,7 +6,6 @@ use ublox::{
     proto27::{PacketRef, Proto27},
 };
 
-/// Runs `check` on the only UBX message in `bytes`.
 fn only(bytes: &[u8], check: impl FnOnce(&PacketRef<'_>)) {
     let mut parser = ParserBuilder::new().with_protocol::<Proto27>().with_vec_buffer();
     let mut found = parser.consume_ubx(bytes);

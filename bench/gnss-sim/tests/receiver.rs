@@ -100,7 +100,8 @@ fn positions_are_the_flights_within_what_the_receiver_promises() {
         {
             let worst = errors.iter().map(|e| e[axis].abs()).fold(0.0, f64::max);
             assert!(worst < 4.0 * bias + 5.0 * white + 0.2, "{index} {axis}: {worst}");
-            // The differences of successive errors show the white noise, which must be as large as specified.
+            // The difference of two successive errors shows the white noise, because the bias hardly changes between
+            // them.
             let steps: Vec<_> = errors.windows(2).map(|e| e[1][axis] - e[0][axis]).collect();
             let deviation = (steps.iter().map(|s| s * s).sum::<f64>() / steps.len() as f64 / 2.0).sqrt();
             assert!((white * 0.8..white * 1.6 + 0.05).contains(&deviation), "{index} {axis}: {deviation}");
@@ -135,8 +136,6 @@ fn attitude_and_acceleration_are_the_flights() {
 #[test]
 fn delay_and_clock_phase_belong_to_the_receiver() {
     let flight = flight();
-    // All receivers share the GPS time of the reset. The instants of their time of week zero may therefore differ only
-    // by their delays and clocks.
     let origin = |index: usize| -> Vec<f64> {
         let seen = read(&bursts(index, 4, &flight));
         seen.positions.iter().map(|p| p.4 as f64 / 1e6 - f64::from(p.0)).collect()
@@ -208,7 +207,6 @@ fn the_last_solution_of_a_burst_has_arrived_with_its_last_byte() {
     let mut bytes = b"$GNGLL,noise*00\r\n".to_vec();
     bytes.extend(&fix);
     let solved = bytes.len();
-    // The burst goes on with a message without a position, and an incomplete message.
     bytes.extend(none.iter().chain(&fix[..fix.len() - 1]));
     let burst = Burst { at_ns: 7_000, bytes };
     assert_eq!(receiver.last_solution_ns(&burst), Some(7_000 + receiver.line_time_ns(solved)));

@@ -7,8 +7,8 @@ pub const TICK_TO_COMMAND_JITTER: u64 = 100;
 pub const TICK_TO_COMMAND_JITTER_PESSIMISTIC: u64 = 1_000;
 /// The largest spread, peak to peak, of the time from a HORUS tick to the first bit on air (docs/design.md#timing).
 pub const TICK_TO_AIR_JITTER: u64 = 3_000;
-/// The longest time from a frame's last bit until its image is readable. It holds if the listener reads its FIFO during
-/// the frame: docs/design.md#timing.
+/// The longest time from a frame's last bit until its image is readable: docs/design.md#timing. This bound is for a DPR
+/// that reads the frame from the front end while the frame arrives.
 pub const LAST_BIT_TO_READABLE: u64 = 100_000;
 /// The longest time from the end of an SSI transaction until the DPR is ready for the next one: docs/design.md#timing.
 pub const SSI_READY: u64 = 10_000;
@@ -44,7 +44,7 @@ pub const START: u64 = 100_000_000;
 pub const TICK_TOLERANCE: u64 = 210_000;
 /// The largest spread, peak to peak, of the time between two ticks while HORUS runs without a restart.
 pub const TICK_WIDTH: u64 = 1_000;
-/// How long after a tick the next tick must come, or else the judge reports it as missing.
+/// The longest time from one tick of HORUS to the next. The judge reports a later tick as missing.
 pub const TICK_MISSING: u64 = CYCLE + CYCLE / 2;
 /// The longest time from a transmit command to the first preamble bit. In recordings the front end takes 3 to 5 µs; its
 /// data sheet states no bound.
@@ -54,7 +54,7 @@ pub const FRAME_LONGEST: u64 = 5_100_000;
 /// The longest time from a transmit command to the end of its frame. At the front end's lowest rate, 106 kbit/s, the
 /// longest frame takes 20 ms.
 pub const COMMAND_TO_END: u64 = 20_500_000;
-/// The longest time after a lost frame at which HORUS may switch the field off to bring its front end up again.
+/// How long after a lost frame HORUS may still switch the field off, to bring its front end up again.
 pub const FIELD_RECOVERY: u64 = 2 * CYCLE + CYCLE / 2;
 /// How long after the return of the field no frame is required, because HORUS checks its front end first.
 pub const FIELD_READY: u64 = CYCLE;
@@ -72,8 +72,8 @@ pub const WATCHDOG_FED: u64 = 40_000_000;
 /// The longest time that the DPR's watchdog takes to bite: 100 ms of an RC oscillator of 32.768 kHz that may be off by
 /// 2 % (nRF52840 PS 5.4). Another 2 % is allowed, because chips were seen that barely keep the specified 2 %.
 pub const DPR_WATCHDOG_LONGEST: u64 = 104_000_000;
-/// For HORUS and for the DPR, how long the watchdog may still be fed after a task has died, because the task may have
-/// checked in just before.
+/// The longest time for which HORUS's and the DPR's watchdog may still be fed after a task has died, ns. The task may
+/// have checked in just before its death.
 ///
 /// Every task of HORUS checks in once a cycle. The DPR's SSI task may check in only at the end of a transaction
 /// (`dpr_fw::ssi`), which a flight controller may delay until the watchdog bites.
@@ -88,53 +88,53 @@ pub const MESSAGE_TAKEN: u64 = CYCLE + 2_000_000;
 pub const VALID_BEYOND_PERIOD: u64 = 150_000_000;
 /// How much older than its receiver's period a solution is when it becomes stale: docs/design.md#validity.
 pub const STALE_BEYOND_PERIOD: u64 = 50_000_000;
-/// How long after a receiver's last message HORUS's status must state that messages arrive from this receiver:
-/// docs/design.md#status-words.
+/// How long HORUS's status must go on stating that messages arrive from a receiver, counted from that receiver's last
+/// message: docs/design.md#status-words.
 pub const HEARD: u64 = 250_000_000;
 /// The longest period that HORUS accepts from a receiver, ms: docs/design.md#validity.
 pub const LONGEST_PERIOD_MS: u32 = 1_000;
 /// The shortest period that HORUS accepts from a receiver, ms: 50 Hz, twice the rate of the fastest receivers.
 pub const SHORTEST_PERIOD_MS: u32 = 20;
 
-/// The longest time that HORUS may leave the bytes of a receiver on a bus unread, counted from when the receiver offers
-/// them or from the end of a fault of the bus. A position is not valid for much longer than this time, the longest
-/// period of a receiver (docs/design.md#validity).
+/// The longest time that HORUS may leave the bytes of a receiver on a bus unread. It counts from when the receiver
+/// offers the bytes, or from the end of a fault of the bus. It is the longest period of a receiver, because a position
+/// is not valid for much longer (docs/design.md#validity).
 pub const READ_WITHIN: u64 = 1_000_000_000;
-/// How long bytes wait in a receiver on a bus before they count as old. HORUS may drop old bytes, and what it reads
-/// within [`READ_SETTLED`] after them. HORUS may leave out one of its reads, which come once a cycle.
+/// HORUS must use bytes that have waited in a receiver on a bus for at most this time. HORUS may drop bytes that have
+/// waited longer, and all bytes that it reads within [`READ_SETTLED`] after them.
 pub const NEWS: u64 = 25_000_000;
-/// How long HORUS may drop what it reads from a receiver on a bus, counted from a read of old bytes ([`NEWS`]) or from
-/// a failure of the bus. In this time HORUS finds out which bytes are new.
+/// How long HORUS may drop all bytes from a receiver on a bus, counted from a failure of the bus or from bytes that
+/// waited too long ([`NEWS`]).
 pub const READ_SETTLED: u64 = 100_000_000;
-/// The longest time that bytes may have waited in a receiver on a bus if HORUS uses them.
+/// HORUS must drop bytes that have waited in a receiver on a bus for longer than this.
 pub const TOO_OLD: u64 = 50_000_000;
 /// The number of bytes that HORUS reads from a receiver in one cycle (decision 16). HORUS leaves further bytes for its
 /// next cycle and may drop them.
 pub const READ_AT_ONCE: u64 = 256;
 /// The dynamic model that every receiver must use: airborne below 2 g, as u-blox' CFG-NAVSPG-DYNMODEL numbers it.
 pub const DYNAMIC_MODEL: u8 = 7;
-/// The longest time until HORUS has sent a receiver its settings, counted from HORUS's start, from the loss of a
+/// The longest time until HORUS has sent a receiver its settings. It counts from HORUS's start, from the loss of a
 /// setting, or from the end of a fault.
 ///
 /// To set a receiver, HORUS waits for 1.5 s, tries two bit rates for 0.7 s each, and waits 1 s for the answer to each
 /// of two messages.
 pub const SETTINGS_TOLD: u64 = 5_000_000_000;
-/// The longest time until HORUS must send a valid position, counted from HORUS's start or from when enough receivers
+/// The longest time until HORUS must send a valid position. It counts from HORUS's start, or from when enough receivers
 /// work again.
 ///
 /// To have a valid position, HORUS sends the receivers their settings, waits for the slowest receiver's solution, and
 /// holds a jump of the position back.
 pub const POSITION_WITHIN: u64 = SETTINGS_TOLD + READ_WITHIN + HELD_BACK;
-/// How long after a receiver's fault HORUS may send objects without that receiver's position, or call the receiver
-/// excluded.
+/// The time after a receiver's fault in which HORUS may leave out the receiver's position or exclude the receiver from
+/// the vote.
 pub const POSITION_SETTLED: u64 = SETTINGS_TOLD + RETURNED;
 /// The greatest age of a position that is shown as valid. A solution arrives up to [`BEFORE_ARRIVAL`] and
 /// [`BEFORE_ARRIVAL_SPREAD`] after its epoch, and is then valid for its period and [`VALID_BEYOND_PERIOD`]
 /// (docs/design.md#validity).
 pub const POSITION_OLDEST: u64 =
     LONGEST_PERIOD_MS as u64 * 1_000_000 + VALID_BEYOND_PERIOD + BEFORE_ARRIVAL + BEFORE_ARRIVAL_SPREAD;
-/// The largest error of a valid position, horizontal and vertical, m. Either limit is five times the error that the
-/// worst receiver exceeds in one of 68 solutions.
+/// The largest error of a valid position, horizontal and vertical, m. One in 68 solutions of the worst receiver has an
+/// error above a fifth of this limit.
 pub const POSITION_OFF_M: [f64; 2] = [10.0, 20.0];
 
 /// The step, ns, in which a GPS object's status states the age of its solution: docs/design.md#status-words.
@@ -157,16 +157,14 @@ pub const fn quorum(receivers: usize) -> usize {
 }
 /// The largest accuracies that a receiver may state for a valid position, horizontal and vertical, mm.
 pub const WORST_ACCURACY_MM: [u32; 2] = [30_000, 50_000];
-/// The greatest speed with which a position is valid, mm/s.
+/// A position is valid only up to this speed, mm/s.
 pub const FASTEST_MM_S: u32 = 200_000;
 /// The heights above the ellipsoid at which a valid position may lie, mm.
 pub const ALTITUDE_MM: std::ops::RangeInclusive<i32> = -1_000_000..=20_000_000;
-/// The middle latency that HORUS assumes, ns: the time by which a position is older than its message, because a
-/// receiver needs time to compute and send it. HORUS assumes this value for the receiver with the middle latency in the
-/// vote (decision 15).
+/// The latency that HORUS assumes for a receiver: the time, ns, from the measurement of a position to the arrival of
+/// its message (decision 15).
 pub const BEFORE_ARRIVAL: u64 = 50_000_000;
-/// The greatest difference, ns, between a receiver's latency and the middle latency, [`BEFORE_ARRIVAL`]. For a greater
-/// difference HORUS assumes the middle latency.
+/// The greatest difference, ns, of a receiver's latency from [`BEFORE_ARRIVAL`] that HORUS takes into account.
 pub const BEFORE_ARRIVAL_SPREAD: u64 = 50_000_000;
 /// Two limits, m, on the distance between two receivers, each horizontal and vertical. Nearer than the first limit, two
 /// receivers agree whatever accuracies they state. Farther apart than the second, they disagree.
@@ -178,19 +176,18 @@ pub const AGREEMENT_SIGMAS: f64 = 3.0;
 pub const ATTITUDE_DEGREES: [f64; 3] = [5.0, 10.0, 5.0];
 /// The difference along each axis, m/s², up to which two accelerations agree.
 pub const ACCELERATION_M_S2: f64 = 2.0;
-/// How long the voted position must stay where it jumped to until HORUS must show it (docs/design.md#voting).
+/// The time after which HORUS must show a voted position that has jumped and then stays there (docs/design.md#voting).
 pub const HELD_BACK: u64 = RETURNED;
-/// How long the voted position must stay where it jumped to before HORUS may show it: one second less tolerances.
+/// The time for which HORUS must hold back a voted position that has jumped: one second less tolerances.
 pub const NOT_HELD_BACK: u64 = NOT_RETURNED;
-/// How much a receiver's stated accuracy (m) worsens while HORUS brings its position to the tick: by its speed (m/s)
-/// times this constant (s), and by half of [`UNCERTAIN_ACCELERATION`] times the square of the position's age.
+/// The voter multiplies this time, s, by the speed and adds the product to a receiver's accuracy. It also adds half of
+/// [`UNCERTAIN_ACCELERATION`], multiplied by the square of the position's age.
 pub const UNCERTAIN_SPEED_S: f64 = 0.05;
-/// The greatest acceleration of the aircraft that HORUS assumes since a receiver's message, m/s²: see
-/// [`UNCERTAIN_SPEED_S`].
+/// The greatest acceleration, m/s², that HORUS assumes for the aircraft since a receiver's message.
 pub const UNCERTAIN_ACCELERATION: f64 = 4.0;
-/// How long an excluded receiver must agree with the voted position until HORUS must readmit it to the vote. It is one
-/// second by the design, and longer because HORUS's clock may be off by 2 % and the judge may not know which messages
-/// HORUS had at a tick.
+/// How long an excluded receiver must agree with the voted position until HORUS must readmit it to the vote. The design
+/// says one second. This limit is longer, because HORUS's clock may be off by 2 % and the judge may not know which
+/// messages HORUS had at a tick.
 pub const RETURNED: u64 = 1_100_000_000;
 /// How long an excluded receiver must agree with the voted position before HORUS may readmit it to the vote.
 pub const NOT_RETURNED: u64 = 950_000_000;
@@ -204,7 +201,8 @@ pub const ARITHMETIC_F32: f32 = 1e-5;
 
 // ---- Flight controller and base station
 
-/// The shortest time for which FRESH is high, which a pin interrupt behind an isolator can detect (docs/hardware.md).
+/// The shortest time for which FRESH is high. A pin interrupt behind an isolator can detect a pulse of this length
+/// (docs/hardware.md).
 pub const FRESH_WIDTH: u64 = 1_500;
 /// The age, ns, beyond which a flight controller must not fly by a position (docs/flight-controller.md).
 pub const CLIENT_AGE_LIMIT: u64 = 100_000_000;
@@ -225,16 +223,16 @@ pub const STATION_AGE_OFF: u64 = 120_000_000;
 pub const STATION_SETTLES: u64 = 1_500_000_000;
 /// The age, ns, beyond which the base station calls a position stale (docs/base-station.md).
 pub const STATION_STALE: u64 = 400_000_000;
-/// The silence, without any profile, after which the base station calls the drone silent.
+/// The base station calls the drone silent when no profile has arrived for this time.
 pub const STATION_SILENT: u64 = 1_000_000_000;
 
 // ---- The lines of the receivers
 
-/// The shortest silence of a line after which HORUS may discard an incomplete message; HORUS waits for 50 ms.
+/// A line must have been silent for this time before HORUS may discard an incomplete message; HORUS waits for 50 ms.
 pub const SILENCE_MAY_END: u64 = 45_000_000;
-/// The silence of a line after which HORUS must have discarded an incomplete message. HORUS checks every 10 ms whether
-/// the line has been silent for 50 ms. It then gives the parser 64 zeros at each of up to four checks, in all more than
-/// the longest message.
+/// The silence of a receiver's line after which HORUS must have discarded an incomplete message. HORUS checks every 10
+/// ms whether the line has been silent for 50 ms. If so, it ends the incomplete message with zeros, for which it needs
+/// up to four checks.
 pub const SILENCE_ENDS: u64 = 110_000_000;
 /// The longest pause between two transactions that the judge accepts: far longer than a control cycle.
 pub const NO_TRANSACTION: u64 = 100_000_000;
@@ -242,17 +240,18 @@ pub const NO_TRANSACTION: u64 = 100_000_000;
 pub const CUT_SHORT: u64 = 6_000_000;
 /// The number of transactions that the DPR serves at most between two images (`dpr_fw::ssi`).
 pub const SSI_BUDGET: u32 = 16;
-/// How long after a transaction the DPR may fail to detect the end of a further transaction, although it is ready
-/// (`dpr_fw::ssi`). The DPR waits 95 µs by a counter of µs, and needs processor time before and after.
+/// The pause of the DPR after a transaction, in which it may miss the end of another transaction (`dpr_fw::ssi`): 95 µs
+/// by its counter, and processor time before and after.
 pub const SSI_PAUSE: u64 = 100_000;
 /// The shortest time for which an image is readable: the DPR's clock is off by 2 % at most (docs/design.md#sequence).
 pub const EXPIRY_EARLIEST: u64 = EXPIRY - EXPIRY / 50;
-/// The longest time that a frame takes on the air. A frame that took longer was delayed or repeated.
+/// The greatest difference between the instants at which a frame leaves HORUS's antenna and reaches the DPR's. A frame
+/// with a greater difference was delayed or repeated.
 pub const AIR_DELAY: u64 = 1_000;
 /// The longest time from the forwarding of a profile to its arrival at the base station.
 pub const DOWNLINK: u64 = 100_000_000;
-/// The longest time from a frame's end, or a deadline, until a transaction can read the resulting image, if no narrower
-/// limit applies. It covers up to three more transfers with the DPR's front end and one more commit.
+/// The longest time from a frame's end, or from a deadline, until a transaction can read the resulting image, if no
+/// narrower limit applies. It covers up to three more transfers with the DPR's front end and one more commit.
 pub const PUBLICATION: u64 = 400_000;
 /// The limit [`PUBLICATION`] for runs on the pessimistic clock.
 pub const PUBLICATION_PESSIMISTIC: u64 = 1_000_000;
@@ -268,7 +267,7 @@ pub const STEP_TOLERANCE_SHARE: u64 = 50;
 /// In the search for the sequence, the greatest difference between 10 ms and the time between two cycles
 /// (docs/design.md#sequence).
 pub const SEARCH_TOLERANCE: u64 = 500_000;
-/// The number of consecutive cycles after which the sequence is found (docs/design.md#sequence).
+/// The sequence is found after this number of consecutive cycles (docs/design.md#sequence).
 pub const SEARCH_CYCLES: u8 = 3;
 /// How close an instant must be to a limit of the sequence's times for the judge to accept either outcome. The value is
 /// many times the scatter of the front ends and the error of the DPR's clock (100 ppm of the longest step are 26 µs).
@@ -278,15 +277,16 @@ pub const SEARCH_BAND: u64 = 100_000;
 /// The longest time from the carrier's return until the listener receives frames. A listener whose bring-up was
 /// interrupted or has failed is brought up anew.
 pub const ARMED: u64 = 50_000_000;
-/// The shortest silence, without any frame, after which the DPR may bring its front end up anew; the DPR waits for 0.5
-/// s.
+/// No frame must have come for this time before the DPR may bring its front end up anew; the DPR waits for 0.5 s.
 pub const SILENCE: u64 = 450_000_000;
 /// How long after the frame that ends a [`SILENCE`] the DPR may miss frames and Link-Status may still report a fault. A
 /// bring-up of the front end takes 12 ms.
 pub const SILENCE_OVER: u64 = 2 * CYCLE;
-/// The shortest time from one frame to the next with which a listener can receive both (docs/design.md#air-frame).
+/// The shortest time from the end of one frame to the next frame if a listener is to receive both
+/// (docs/design.md#air-frame).
 pub const FRAME_GAP: u64 = 300_000;
-/// How long after a cycle's first frame the DPR waits for the second (with five receivers), which ends 3.935 ms later.
+/// With five receivers, how long after a cycle's first frame the DPR waits for the second frame. The second frame ends
+/// 3.935 ms after the first.
 pub const SECOND_FRAME: u64 = 7_000_000;
 /// How long Link-Status shows a restart of HORUS (docs/design.md#link-status).
 pub const RESTART_SHOWN: u64 = 1_000_000_000;
@@ -294,7 +294,8 @@ pub const RESTART_SHOWN: u64 = 1_000_000_000;
 pub const CLOCK_SHARE: u64 = 50;
 /// The shortest time over which the DPR compares HORUS's clock with its own: docs/design.md#sequence.
 pub const CLOCK_WINDOW: u64 = 1_000_000_000;
-/// The greatest difference between two crystals, parts per million: 50 each, and as much again for the temperature.
+/// The greatest difference between two crystals, parts per million. Each crystal may be off by 50, and by 50 more
+/// because of the temperature.
 pub const CRYSTALS_PPM: u64 = 200;
 /// The longest time for which one of the DPR's buffers may stay in use after a fault of a bit in it. Three receive
 /// buffers and four images take turns, one in each cycle.
@@ -318,7 +319,7 @@ pub const SELF_TEST: u64 = 5_000_000_000;
 pub const FLASH_PASS_LONGEST: u64 = 9_000_000_000;
 /// The shortest time that a pass over the DPR's flash takes: the pass of a self-test with a program of 16 KiB.
 pub const FLASH_PASS_SHORTEST: u64 = 400_000_000;
-/// How much older than Link-Status, ms, Port-Status of the same image may be.
+/// The greatest difference in age, ms, between Link-Status and an older Port-Status of the same image.
 pub const PORT_BEFORE_LINK_MS: u32 = 25;
 /// The causes of a safe state, as the DPR's firmware codes them (`firmware_common::last_stop`).
 pub const STOP_CAUSES: std::ops::RangeInclusive<u32> = 1..=15;
@@ -335,6 +336,6 @@ pub const SAFE_STATE: u64 = 1_000_000;
 pub const SCRUBBED_CYCLES: u32 = 8;
 /// The time after a flight controller's misuse of the SSI in which the judge requires nothing of the DPR.
 pub const MISUSE_OVER: u64 = 2 * CYCLE;
-/// The longest time from a frame's last bit until its image is readable, if the DPR reads the FIFO only at the frame's
-/// end: docs/design.md#timing. The DPR also does so if the frame's LEN was damaged.
+/// The longest time from a frame's last bit until its image is readable: docs/design.md#timing. This bound is for a DPR
+/// that reads the FIFO only at the frame's end. The DPR also does so if the frame's LEN was damaged.
 pub const STORE_AND_FORWARD: u64 = 360_000;

@@ -1,18 +1,20 @@
-//! When the active hold, its air and the DPR are free of disturbances, so that each must do its whole work.
+//! Determines from when on the judge must require all functions of an active hold: from then on no disturbance affects
+//! the hold, its air or the DPR any more.
 
 use crate::disturbance::HoldPart;
 use crate::{Board, Disturbance, Event, What};
 
 const MS: u64 = 1_000_000;
 
-/// The time after a disturbance of the hold's board or sensors after which everything has to be as without it, ns: a
-/// watchdog's 100 ms, a start, four exchanges, and a second until the sensors were read again.
+/// The time in which a hold has recovered from a disturbance of its board or sensors, ns: 100 ms of the watchdog, a
+/// start, four exchanges, and a second for a new measurement.
 const HOLD_SETTLED: u64 = 2_500 * MS;
-/// The same after a disturbance of the air or of the DPR, ns: the DPR's watchdog and start, and an exchange.
+/// The time in which the exchange has recovered from a disturbance of the air or of the DPR, ns: a reset of the DPR by
+/// its watchdog, its start, and an exchange.
 const SETTLED: u64 = 300 * MS;
 
-/// The instants, ns, before which the hold, its air or the DPR may be disturbed. What disturbs HORUS alone does not
-/// count, because nothing of it reaches the hold.
+/// The instants, ns, until which disturbances may affect the hold, its air or the DPR. Disturbances of HORUS do not
+/// count, because nothing of HORUS reaches the hold.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Calm {
     board: u64,
@@ -78,7 +80,7 @@ impl Calm {
         self.sends().max(self.dpr)
     }
 
-    /// The instant, ns, from which Hold-Status must agree with the payload.
+    /// The instant, ns, from which the values in Hold-Status must agree with the payload.
     #[must_use]
     pub fn measures(&self) -> u64 {
         self.sends().max(self.sensors)

@@ -8,7 +8,7 @@ use crate::read::{Frame, Reading, Window};
 use crate::truth::Truth;
 use crate::{Board, Disturbance, Disturbances, Event, Header, What};
 
-/// What is known of a board since its last start.
+/// The state of a board since its last start, as the log's events show it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Running {
     /// Whether the board has a supply.
@@ -51,7 +51,7 @@ pub struct Context {
     window: Window,
     frame: Option<Frame>,
     reading: Option<Reading>,
-    /// What HORUS put on the air. It is `None` only within [`Context::take`].
+    /// The record of HORUS's frames, and what a correct DPR does with them; `None` only while [`Context::take`] runs.
     air: Option<Box<Air>>,
 }
 

@@ -1,4 +1,4 @@
-//! What the bench disturbs on purpose, and everything that the judge excuses because of it.
+//! The disturbances that the bench makes on purpose, and the violations that the judge excuses because of them.
 //!
 //! A [`Disturbance`] states what the bench disturbs. The log states when the disturbance begins and when its cause goes
 //! away ([`crate::What::Injected`]). `Disturbance::takes` is the table of what each disturbance excuses ([`Excuse`]),
@@ -74,7 +74,7 @@ pub enum Disturbance {
         /// The number of the dead task among the tasks that check in.
         task: u8,
     },
-    /// A task that runs once although nothing has called it, and then finds no work. It excuses nothing.
+    /// A task without work runs once although nothing has called it. This disturbance excuses nothing.
     Spurious {
         /// The board whose task runs.
         board: Board,
@@ -159,7 +159,8 @@ pub enum Wire {
     Radio,
     /// The GNSS signals. All receivers compute a wrong position and cannot tell.
     Sky,
-    /// The connections of hold and DPR to the air between them, what the log states of both, and the hold's program.
+    /// Everything that belongs to the hold: the connections of hold and DPR to the air between them, the log's
+    /// statements about both, and the hold's program.
     Hold,
     /// The path within the flight controller from its client's verdict to the position that it flies by.
     Client,
@@ -241,7 +242,7 @@ pub enum Excuse {
     DprComplaints,
 }
 
-/// When an excuse ends, after which the judge reports its violation again.
+/// The end of an excuse, after which the judge reports the excused violation again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum End {
     /// The excuse ends this many ns after the cause has gone, or earlier at the disturbed board's next start.
@@ -259,7 +260,7 @@ impl Disturbance {
         use Board::{Dpr, Horus};
         const RECOVERY: End = After(bounds::FRONT_END_RECOVERY);
         const REPLACED: End = After(bounds::BUFFER_REPLACED);
-        // A bit may change during a self-test, which then fails only when it ends.
+        // A self-test reports a changed bit only at its end.
         const TESTED: End = After(bounds::SELF_TEST);
         const HORUS_DEAD: End = After(bounds::FIRST_WATCHDOG_LONGEST + bounds::CHECKED_IN[Horus as usize]);
         const DPR_DEAD: End = After(bounds::DPR_WATCHDOG_LONGEST + bounds::CHECKED_IN[Dpr as usize]);
@@ -364,7 +365,6 @@ impl Disturbance {
             Self::Memory { board: Dpr, memory: Memory::Registers | Memory::Peripherals } => {
                 &[(Excuse::DprComplaints, Start(Dpr))]
             }
-            // A receiver's pin, bus or DMA may not work any more.
             Self::Memory { board: Horus, memory: Memory::Peripherals } => &[
                 (Excuse::Ears, Start(Horus)),
                 (Excuse::HorusComplaints, Start(Horus)),
@@ -435,7 +435,7 @@ struct Valid {
 
 const EXCUSES: usize = Excuse::DprComplaints as usize + 1;
 
-/// What the judge excuses at present; see the [module](self).
+/// The violations that the judge excuses at present; see the [module](self).
 #[derive(Clone, Debug, Default)]
 pub struct Disturbances {
     valid: Vec<Valid>,
@@ -446,7 +446,6 @@ pub struct Disturbances {
 }
 
 impl Disturbances {
-    /// Updates the excuses with the next event of the log.
     pub(crate) fn take(&mut self, event: &Event) {
         let at = event.at;
         match &event.what {
@@ -454,7 +453,7 @@ impl Disturbances {
             What::Power { board, .. } => self.start(*board, at),
             What::Reset { board, .. } => {
                 self.start(*board, at);
-                // A board's reset may have interrupted a transfer with its front end.
+                // The reset may have interrupted a transfer, which the front end may report as misuse.
                 let excuse = front_end_use(*board);
                 self.add(
                     at,
@@ -498,7 +497,6 @@ impl Disturbances {
     /// Ends the excuses that end when this board starts or loses its supply.
     fn start(&mut self, board: Board, now: u64) {
         self.valid.retain(|valid| valid.board != Some(board) || now < valid.until);
-        // The latest end of each excuse is computed again from the disturbances that still count.
         self.over = self.over.map(|over| over.min(now));
         for valid in &self.valid {
             let over = &mut self.over[valid.excuse as usize];

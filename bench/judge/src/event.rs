@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Disturbance, HoldEvent};
 
-/// What is known of a run before its first event.
+/// The settings of a run, which an event log states before its first event.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Header {
     /// The version of the log's format: [`Header::VERSION`].
@@ -150,7 +150,7 @@ pub enum What {
     },
     /// The bench disturbs something on purpose. A change of a board's supply or reset pin has its own event.
     Injected {
-        /// The kind of fault in words, which people read and counts use. No rule reads it.
+        /// The kind of fault, in words for the reader of the log.
         kind: String,
         /// What the fault disturbs.
         disturbs: Disturbance,

@@ -72,8 +72,7 @@ pub struct Delivery {
 }
 
 impl Delivery {
-    /// Returns whether this frame is the second frame of the cycle that `first` began, by its end and its intact
-    /// objects.
+    /// Returns whether this frame is the second frame of the cycle that the frame `first` began.
     #[must_use]
     pub fn completes(&self, first: &Self) -> bool {
         let same_cycle = self.timestamp.is_none_or(|timestamp| first.timestamp.is_none_or(|first| first == timestamp));
@@ -82,7 +81,7 @@ impl Delivery {
     }
 }
 
-/// How a cycle follows the cycles before it.
+/// The relation of a cycle to the cycles before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
     First,
@@ -117,8 +116,8 @@ impl State {
         self.found >= bounds::SEARCH_CYCLES
     }
 
-    /// Passes to `to` each state that may follow this one when a frame arrives, and whether the timestamp stepped back
-    /// in it.
+    /// Calls `to` with each state that may follow this one when a frame arrives. The second argument of `to` is whether
+    /// the timestamp stepped back.
     fn successors(self, timestamp: u32, sampled: u64, number: usize, mut to: impl FnMut(Self, bool)) {
         let frame = 1 << number;
         let (mut same, mut other) = (false, true);
@@ -146,7 +145,7 @@ impl State {
         }
     }
 
-    /// Passes to `to` each judgement that a correct DPR may make of the step from its last cycle to this one.
+    /// Calls `to` with each judgement that a correct DPR may make of the step from its last cycle to this one.
     fn steps(&self, timestamp: u32, sampled: u64, mut to: impl FnMut(Step)) {
         let Some((last, at)) = self.last else { return to(Step::First) };
         let advance = timestamp.wrapping_sub(last);
@@ -179,8 +178,8 @@ impl State {
         }
     }
 
-    /// Returns the instant, ns, until which a next cycle can continue the sequence; 0 if no cycle can. `band`, ns, is
-    /// added to the design's limit.
+    /// Returns the instant, ns, until which the next cycle can continue the sequence; 0 if no sequence is found.
+    /// `band`, ns, is added to the design's limit.
     fn held_until(&self, band: i64) -> u64 {
         let longest = u64::from(bounds::MAX_MISSED + 1) * bounds::CYCLE;
         let hold = longest + bounds::STEP_TOLERANCE + longest / bounds::STEP_TOLERANCE_SHARE;
@@ -191,7 +190,7 @@ impl State {
     }
 }
 
-/// How long after the last cycle the state still matters, ns: no later cycle can continue the sequence.
+/// A cycle that is older than this, ns, no longer matters, because no later cycle can continue its sequence.
 const FORGOTTEN: u64 = 300_000_000;
 
 /// All states that a correct DPR can be in after the frames that have reached its antenna.
@@ -203,7 +202,7 @@ pub struct Expectation {
     /// The instant, ns, until which the listener may miss frames because its carrier has just returned.
     armed: u64,
     last_end: Option<u64>,
-    /// The instant, ns, at which the last whole frame ended that the listener certainly could receive.
+    /// The end, ns, of the last whole frame that the listener certainly could receive.
     last_whole: u64,
     /// The last period, ns, in which the DPR may have concluded from silence that its front end does not receive.
     silence: Range<u64>,
@@ -283,8 +282,8 @@ impl Expectation {
         })
     }
 
-    /// Updates the states with a frame that has a timestamp. Returns two certainties for a DPR that received the frame:
-    /// whether it shows the cycle, and whether it takes the timestamp as a step back.
+    /// Updates the states with a frame that has a timestamp. Returns whether the DPR shows the frame's cycle, and
+    /// whether it detects a step back of the timestamp, if it received the frame.
     fn enter(
         &mut self,
         timestamp: u32,
@@ -332,8 +331,8 @@ impl Expectation {
         verdict
     }
 
-    /// Returns the instants, ns, until which the DPR must hold the sequence and until which it may; both are 0 without
-    /// a sequence.
+    /// Returns two instants, ns. The DPR must hold the sequence until the first, and may hold it until the second. Both
+    /// are 0 without a sequence.
     #[must_use]
     pub fn held_until(&self) -> (u64, u64) {
         let band = i64::try_from(bounds::SEQUENCE_BAND).unwrap_or(i64::MAX);
@@ -385,14 +384,12 @@ mod tests {
             expectation.take(&event, &context);
             most = most.max(expectation.states.len());
         }
-        // The number of states stays bounded: any cycle of the last 300 ms may be the last received, at any step of the
-        // search.
+        // The number of possible states stays small, because only the cycles of the last 300 ms count.
         assert!((100..150).contains(&most), "{most}");
     }
 
     #[test]
     fn a_samples_age_at_its_last_bit_is_slot_plus_air_time() {
-        // For each number of receivers, the slots of its frames, µs, are those of `profile::air`.
         for (receivers, slots) in [(1, vec![70]), (2, vec![80]), (3, vec![100]), (5, vec![120, 4_130])] {
             let layout = Layout::for_receivers(receivers).unwrap();
             for (number, slot) in slots.into_iter().enumerate() {

@@ -81,7 +81,7 @@ pub struct Faults {
     /// The longest recovery, in cycles of 10 ms, rounded up: from the end of a disturbance until an object that HORUS
     /// sent after that end is read as valid. `None` without disturbances.
     pub max_recovery_cycles: Option<u64>,
-    /// The longest recovery like `max_recovery_cycles`, without disturbances after which a front end had to be brought
+    /// The longest recovery, as in `max_recovery_cycles`, from a disturbance after which no front end had to be brought
     /// up again.
     pub max_recovery_cycles_without_bring_up: Option<u64>,
 }
@@ -170,8 +170,8 @@ pub struct Figures {
     pub ready_ns: Option<Max>,
     /// The number of cycles whose Reported-Position was read with a valid position.
     pub valid_cycles: u64,
-    /// The instant, ns, since which no transaction has read a valid position: the start of the first that read none.
-    /// `None` if the last transaction read a valid position, or if no transaction ever did.
+    /// If the last transactions read no valid position, the instant, ns, at which the first of them began. `None` if
+    /// the last transaction read a valid position, or if no transaction ever did.
     pub invalid_since_ns: Option<u64>,
     /// The arrival of each receiver's last valid position, ns; `None` without one.
     pub last_solution_ns: Vec<Option<u64>>,

@@ -8,7 +8,8 @@
 //! # Where to add a violation
 //!
 //! A new violation needs a line in [`Violation`], a rule in [`rules`] that finds it, and a row in the bench's table of
-//! violations (`bench/tests/violations/`) whose run has this violation and no other. A test fails without the row.
+//! violations (`bench/tests/violations/`). The run of the row must have this violation and no other. A test fails
+//! without the row.
 //!
 //! # What is excused
 //!
@@ -16,9 +17,9 @@
 //!
 //! # How rules are kept apart
 //!
-//! One cause must lead to one violation. A rule therefore does not report what follows from an earlier fault: it
-//! requires a frame only after a tick, an object in the image only if the object reached the DPR's antenna whole, and
-//! an object at the base station only if the flight controller has forwarded it.
+//! One cause must lead to one violation. A rule therefore does not report what follows from an earlier fault. It
+//! requires a frame only after a tick. It requires an object in the image only if the object reached the DPR's antenna
+//! whole, and an object at the base station only if the flight controller has forwarded it.
 #![forbid(unsafe_code)]
 
 pub mod bounds;

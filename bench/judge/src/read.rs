@@ -15,7 +15,7 @@ pub enum Values {
     Gps(GpsValues),
 }
 
-/// What was found at an object's offset in a frame or an image.
+/// The result of the check of an object's place in a frame or an image.
 #[derive(Clone, Debug, PartialEq)]
 pub enum State {
     /// The bytes are an intact object, and it is the object that belongs there.
@@ -86,8 +86,7 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// Decodes the frame in `bytes`: LEN, payload, CRC-16. A frame that is not `whole` broke off. Its payload is then
-    /// as long as LEN announces if enough bytes have arrived.
+    /// Decodes the frame in `bytes` (LEN, payload, CRC-16). `whole` is false for a frame that broke off.
     #[must_use]
     pub fn of(layout: Layout, bytes: &[u8], whole: bool) -> Self {
         let announced = bytes.first().map_or(0, |len| usize::from(*len));
@@ -121,7 +120,7 @@ pub struct Reading {
     pub deselected: u64,
     /// The offset in the map of the first byte that the transaction read.
     pub offset: usize,
-    /// Whether every byte was read as 0xFF, because the DPR was busy or no image was readable.
+    /// Whether every byte was read as 0xFF. This happens if the DPR was busy or no image was readable.
     pub silent: bool,
     /// The values of Link-Status, or why it was rejected; `None` if the transaction did not read Link-Status
     /// completely.
@@ -195,7 +194,7 @@ impl Window {
     }
 }
 
-/// What the first bytes of a transaction request (docs/design.md#ssi).
+/// The request in the first bytes of a transaction (docs/design.md#ssi).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Asked {
     /// The flight controller sends idle bytes, which request nothing.
@@ -234,7 +233,7 @@ impl Asked {
     }
 }
 
-/// Returns whether `bytes` end in the CRC of the bytes before it, big-endian (docs/design.md#crc).
+/// Returns whether the last bytes of `bytes` are the CRC of all bytes before them, big-endian (docs/design.md#crc).
 #[must_use]
 pub fn is_intact(bytes: &[u8]) -> bool {
     bytes.split_last_chunk().is_some_and(|(bytes, crc)| profile::crc::frame(bytes).to_be_bytes() == *crc)

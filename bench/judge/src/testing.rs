@@ -23,7 +23,6 @@ pub(crate) fn header(gps: usize) -> Header {
     Header { version: Header::VERSION, gps, seed: 1, clock: "fast".to_owned(), hold: false }
 }
 
-/// The events of a run in any order; [`Events::log`] sorts them.
 #[derive(Clone, Debug)]
 pub(crate) struct Events {
     pub(crate) gps: usize,
@@ -50,7 +49,6 @@ impl Events {
         self
     }
 
-    /// Ends the run at the instant `at`, and removes later events.
     pub(crate) fn end(&mut self, at: u64) -> &mut Self {
         self.events.retain(|event| event.at <= at && event.what != What::End);
         self.add(at, What::End)
@@ -114,13 +112,11 @@ impl Events {
     }
 }
 
-/// Returns the Reported-Position of a HORUS that no receiver has sent anything.
 pub(crate) fn silent_reported(timestamp: u32) -> ReportedValues {
     let absent = ReportedValues::absent(timestamp);
     ReportedValues { status: absent.status.with_degraded(true), ..absent }
 }
 
-/// Returns the GPS object of a receiver that has not sent anything.
 pub(crate) fn silent_gps(timestamp: u32) -> GpsValues {
     let absent = GpsValues::absent(timestamp);
     GpsValues { status: absent.status.with_stale(true), ..absent }
@@ -136,7 +132,6 @@ pub(crate) fn objects(reported: &ReportedValues, gps: &[GpsValues]) -> Vec<Vec<u
     objects
 }
 
-/// Returns the violations that `rule` finds in a log, and the figures that it measures.
 pub(crate) fn broken(mut rule: impl Rule, log: &Log) -> (Vec<Broken>, Figures) {
     let (mut context, mut findings, mut figures) = (Context::new(&log.header), Findings::default(), Figures::default());
     for event in &log.events {
@@ -147,7 +142,6 @@ pub(crate) fn broken(mut rule: impl Rule, log: &Log) -> (Vec<Broken>, Figures) {
     (findings.into_broken(), figures)
 }
 
-/// Returns what [`broken`] does, with only the count and the instant, ns, of the first occurrence of each violation.
 pub(crate) fn found(rule: impl Rule, log: &Log) -> (Vec<(Violation, u64, u64)>, Figures) {
     let (broken, figures) = broken(rule, log);
     (broken.into_iter().map(|broken| (broken.violation, broken.count, broken.first_at)).collect(), figures)
@@ -159,7 +153,6 @@ pub(crate) const MISUSE: Disturbance = Disturbance::FlightController { conduct: 
 pub(crate) const RECEIVE_BIT: Disturbance = Disturbance::Memory { board: Board::Dpr, memory: Memory::Receive };
 pub(crate) const IMAGE_BIT: Disturbance = Disturbance::Memory { board: Board::Dpr, memory: Memory::Images };
 
-/// Returns the event by which the bench disturbs something until the instant `until`, ns.
 pub(crate) fn injected(disturbs: Disturbance, until: u64) -> What {
     What::Injected { kind: format!("{disturbs:?}"), disturbs, until }
 }

@@ -5,15 +5,13 @@ use std::collections::VecDeque;
 use crate::read::Placed;
 use crate::{Board, Context, Event, What, bounds};
 
-/// How long frames of an earlier start of HORUS are kept after they were sent, ns, because a transaction may still show
-/// them.
+/// The time, ns, for which frames of an earlier start of HORUS are kept, because a transaction may still show them.
 pub const KEPT: u64 = 2_000_000_000;
 
 /// The number of frames that are kept: those of the last ten seconds, or of five seconds with two frames a cycle.
 const REMEMBERED: usize = 1_000;
 
-/// The number of ticks that are kept. A frame ends at most two ticks after the tick to which it belongs, so four are
-/// enough.
+/// The number of ticks that are kept: a frame ends at most two ticks after its own.
 const TICKS: usize = 4;
 
 /// A frame that HORUS sent.
@@ -62,7 +60,7 @@ impl Truth {
                     tick: self.ticks.iter().rev().copied().find(near),
                     objects: frame.objects.iter().filter(valid).map(|it| (it.index, it.bytes.clone())).collect(),
                 });
-                // Frames from before HORUS's last start but one are dropped when no transaction can show them any more.
+                // Frames of earlier starts of HORUS are dropped when no transaction can show them any more.
                 let gone = |frame: &SentFrame| frame.horus_start + 1 < horus_start && event.at - frame.started > KEPT;
                 while self.frames.len() > REMEMBERED || self.frames.front().is_some_and(gone) {
                     self.frames.pop_front();
@@ -114,7 +112,6 @@ mod tests {
             self.take(at, What::Reset { board: Board::Horus, cause: crate::Cause::Pin, asked: true });
         }
 
-        /// Sends a frame whose objects are stamped `timestamp` (ms). Without `intact` the last object is damaged.
         fn send(&mut self, started: u64, timestamp: u32, intact: bool) {
             let mut payload = objects(timestamp).concat();
             *payload.last_mut().unwrap() ^= u8::from(!intact);
@@ -122,7 +119,6 @@ mod tests {
             self.take(started + FRAME, What::Sent { started, bit_rate: 424_000, bytes: Bytes(bytes), whole: true });
         }
 
-        /// Returns the serial number and the tick of the frame that the record finds for an object of this timestamp.
         fn found(&self, index: usize, timestamp: u32, before: u64) -> Option<(u64, Option<u64>)> {
             let frame = self.truth.find(index, &objects(timestamp)[index], before)?;
             Some((frame.serial, frame.tick))
@@ -133,7 +129,6 @@ mod tests {
         testing::objects(&testing::silent_reported(timestamp), &[testing::silent_gps(timestamp)])
     }
 
-    /// Returns the tick that the record assigns to a frame that began at `started` and ended after all of `ticks`.
     fn tick_of(started: u64, ticks: &[u64]) -> Option<u64> {
         let mut rig = Rig::new();
         ticks.iter().for_each(|at| rig.tick(*at));
@@ -178,7 +173,6 @@ mod tests {
         assert_eq!(rig.found(1, 20, 70 * MS - 1), Some((2, Some(60 * MS))));
         assert_eq!(rig.found(0, 10, 50 * MS - 1), None);
         assert_eq!(rig.found(0, 30, u64::MAX), None);
-        // The record must find an object only under its own number, and only by all of its bytes.
         assert!(rig.truth.find(1, &objects(10)[0], u64::MAX).is_none());
         assert!(rig.truth.find(0, &objects(10)[0][1..], u64::MAX).is_none());
     }

@@ -148,7 +148,7 @@ violations! {
     /// found.
     // Shows SEQ-1, SEQ-2, SEQ-3, SEQ-4.
     ShownOutOfSequence = "an object out of sequence shown as valid",
-    /// An object is shown although the deadline of a missed later frame has passed.
+    /// An object is shown although a later frame was missed and that frame's deadline has passed.
     // Shows IMG-1.
     ShownStale = "stale data shown past its deadline",
     /// An object is shown although its image was not replaced within 25 ms.

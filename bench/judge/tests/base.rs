@@ -41,7 +41,6 @@ fn a_profile_must_arrive_within_100_ms_or_it_is_missed() {
         found(&log)
     };
     assert_eq!(late(bounds::DOWNLINK), []);
-    // The profile arrives so late that it counts as missed. Its late arrival then counts as that of a changed profile.
     assert_eq!(late(bounds::DOWNLINK + 1), [(BaseMissed, 1), (BaseChanged, 1)]);
     let mut log = log;
     let last = log.events.iter().rposition(|event| matches!(event.what, What::Arrived { .. })).unwrap();
@@ -75,8 +74,7 @@ fn a_profile_changed_on_its_way_is_not_missed_too() {
 #[test]
 fn a_change_explains_one_missing_profile_of_its_time_and_no_other() {
     let (_, log, place) = forwarding(3);
-    // A profile that is forwarded never arrives. A changed profile arrives before it: in one case long before, in
-    // another just before. In the third case two profiles are missing and one arrives changed.
+    // In the changed log, a forwarded profile is missing, and a changed one arrives.
     let spoilt = |log: &Log, place: usize| {
         let mut what = log.events[place].what.clone();
         if let What::Arrived { profile, shown } = &mut what {
@@ -181,7 +179,7 @@ fn the_base_station_may_not_show_an_invalid_object() {
         *arrived(&mut log, place + 1).1 |= 1 << index;
         assert_eq!(found(&log), [(BaseInvalid, 1)], "{index}");
     }
-    // Two objects of the profile have changed places.
+    // In the changed log, two objects of the profile have changed places.
     let mut log = log;
     let (profile, _) = arrived(&mut log, place + 1);
     let second = profile[124..184].to_vec();
@@ -234,7 +232,6 @@ fn objects_of_two_cycles_shown_as_one_are_a_violation() {
         let mut log = log.clone();
         mixed(&mut log, place + 1, index);
         assert_eq!(found(&log), [(BaseMixed, 1)], "{index}");
-        // If the station does not show the object, the profile still counts as changed on the way.
         *arrived(&mut log, place + 1).1 &= !(1 << index);
         assert_eq!(found(&log), [(BaseChanged, 1)], "{index}");
     }
@@ -256,12 +253,10 @@ fn a_torn_read_that_is_forwarded_and_shown_is_one_violation() {
         }
     }
     assert_eq!(kinds(&log), [Torn]);
-    // The base station may also leave out the object that mixes two cycles.
     *arrived(&mut log, place + 1).1 = 0b0001;
     assert_eq!(kinds(&log), [Torn]);
 }
 
-/// Returns how many profiles were not forwarded, and the instant, ns, of the first one.
 fn not_forwarded(log: &Log) -> Vec<(u64, u64)> {
     let found = bench_judge::judge(log).violations.into_iter();
     found.filter(|it| it.violation == NotForwarded).map(|it| (it.count, it.first_at)).collect()
@@ -270,7 +265,7 @@ fn not_forwarded(log: &Log) -> Vec<(u64, u64)> {
 #[test]
 fn a_new_profile_must_be_forwarded_when_it_is_read() {
     let log = Plan::new(3, 40).log();
-    // The cycle must not be one that was forwarded already, so its profile differs from the one before it.
+    // The chosen profile differs from the one that was forwarded before it.
     let of = |place: usize| match &log.events[place].what {
         What::Forwarded { profile } => Some(profile),
         _ => None,

@@ -8,8 +8,6 @@ use profile::{LinkStatus, LinkValues};
 
 const MS: u64 = 1_000_000;
 
-/// Returns the indices of those rises of FRESH after `after` for which the log states the announced bytes only at the
-/// fall.
 fn rises(log: &Log, after: u64) -> Vec<usize> {
     let rises = log.events.iter().enumerate();
     let rises = rises.filter(|(_, event)| event.at > after && matches!(event.what, What::Fresh { high: true, .. }));
@@ -21,7 +19,6 @@ fn rises(log: &Log, after: u64) -> Vec<usize> {
     rises.filter(|(_, event)| falls(event.at)).map(|(place, _)| place).collect()
 }
 
-/// Returns the bytes that the log states at the fall of FRESH, for the rise at index `place`.
 fn offered(log: &mut Log, place: usize) -> &mut Option<bench_judge::Bytes> {
     let at = log.events[place].at + 2_000;
     let mut events = log.events.iter_mut().filter(|event| event.at == at);
@@ -33,7 +30,6 @@ fn offered(log: &mut Log, place: usize) -> &mut Option<bench_judge::Bytes> {
         .unwrap()
 }
 
-/// Returns the log with the announced bytes at each rise of FRESH in place of the fall.
 fn offering_at_once(log: &Log) -> Log {
     let mut log = log.clone();
     for place in rises(&log, 0) {
@@ -147,8 +143,7 @@ fn fresh_that_offers_the_image_of_before_is_a_violation() {
         let rose = plan.publications[2].at;
         insert(&mut log, rose - 1_000, injected(IMAGE_BIT, rose));
         assert_eq!(found(&log), violations, "{shows}");
-        // The result is the same if the log has the announced bytes only in a transaction, and not at the rise of
-        // FRESH.
+        // The bytes of the announced image may come to the log only with a transaction.
         let rise = log.events.iter().position(|event| event.at == rose && matches!(event.what, What::Fresh { .. }));
         *offered(&mut log, rise.unwrap()) = None;
         let is_old = found(&log).iter().any(|(violation, _)| *violation == FreshNotNew);
@@ -175,7 +170,7 @@ fn fresh_that_offers_the_image_of_before_is_a_violation() {
 
 #[test]
 fn fresh_after_which_an_older_image_is_read_is_a_violation() {
-    // The log does not say which image FRESH announced, so the judge learns it from the next transaction.
+    // The log does not state which image FRESH announced, so the judge learns it from the next transaction.
     let (plan, log, _) = run(3);
     let rise = rises(&log, 200 * MS)[0];
     let rose = log.events[rise].at;
@@ -230,7 +225,6 @@ fn every_image_is_readable_without_fresh_where_fresh_is_stuck() {
     let verdict = judged(&stuck);
     assert_eq!(found(&stuck), [(FreshMissing, images)]);
     assert_eq!(verdict.figures.last_bit_to_readable, None);
-    // FRESH stays at one level between two instants.
     let mut stuck = log.clone();
     stuck.events.retain(|event| !(200 * MS..300 * MS).contains(&event.at) || !matches!(event.what, What::Fresh { .. }));
     assert_eq!(found(&stuck), [(FreshMissing, 10)]);
@@ -243,7 +237,7 @@ fn fresh_that_rises_after_the_image_is_readable_is_one_violation() {
     let soon = |place: &usize| next(log.events[*place].at) < log.events[*place].at + 2 * MS;
     let place = rises(&log, 200 * MS).into_iter().find(soon).unwrap();
     let at = log.events[place].at;
-    // FRESH rises too late: during the first transaction that reads the image, or after it.
+    // In the changed log, FRESH rises too late: during the first transaction that reads the image, or after it.
     for (after, violations) in [(1, [(LateReadable, 1)]), (400_000, [(FreshMissing, 1)])] {
         let mut log = log.clone();
         let image = offered(&mut log, place).clone();
@@ -268,7 +262,6 @@ fn a_transaction_outlasting_the_kept_announcements_is_not_judged_by_them() {
     insert(&mut log, over, What::Ssi(bench_judge::SsiEvent::Ready));
     let miso = image.into();
     insert(&mut log, over, What::Transaction { selected: from, mosi: vec![].into(), miso });
-    // A flight controller that holds chip select for too long misuses the SSI, which excuses the DPR.
     assert_eq!(found(&log), [(NoTransaction, 1)]);
     insert(&mut log, from, injected(MISUSE, over));
     assert_eq!(found(&log), []);
@@ -279,7 +272,7 @@ fn a_hit_bit_excuses_unsound_images_until_its_buffer_is_replaced() {
     for (longer, hit) in [(0, false), (1, true)] {
         let from = |at: u64| at - bounds::BUFFER_REPLACED + longer;
         let inject = |log: &mut Log, at: u64| insert(log, from(at), injected(IMAGE_BIT, from(at)));
-        // FRESH announces an unsound image, and no transaction reads it.
+        // In the changed log, FRESH announces an unsound image, and no transaction reads it.
         let mut plan = Plan::new(3, 40);
         let number = plan.showing(200);
         let rose = plan.publications[number].at;

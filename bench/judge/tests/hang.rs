@@ -7,14 +7,12 @@ use common::*;
 
 const MS: u64 = 1_000_000;
 const RESTARTS: u64 = 330 * MS;
-/// The instant, ns, at which the DPR puts in its first image after the restart, between two transactions.
 const BACK: u64 = 344_950_000;
 
 fn hung() -> What {
     What::Hung { board: Board::Dpr }
 }
 
-/// Returns a log in which nothing can be read from `from` until the DPR's first image after a restart.
 fn silent(plan: &Plan, from: u64) -> Log {
     let mut log = plan.log();
     blind(&mut log, from, BACK);
@@ -26,12 +24,10 @@ fn silent(plan: &Plan, from: u64) -> Log {
 
 const DEAD: Disturbance = Disturbance::DeadTask { board: Board::Dpr, task: 0 };
 
-/// Returns the violations that are found if the DPR hangs from `at` on.
 fn judged_at(log: &Log, at: u64) -> Vec<(Violation, u64)> {
     judged_with(log, at, hung())
 }
 
-/// Returns the violations if a task of the DPR is dead from `at` on.
 fn judged_dead_at(log: &Log, at: u64) -> Vec<(Violation, u64)> {
     judged_with(log, at, What::Injected { kind: "dead task".into(), disturbs: DEAD, until: at })
 }
@@ -47,8 +43,6 @@ fn a_hang_of_the_dpr_excuses_what_it_does_not_serve() {
     for from in [250 * MS, 253 * MS, 256 * MS, 259 * MS] {
         let mut log = silent(&Plan::new(3, 60), from);
         assert_eq!(judged_at(&log, from), [], "{from}");
-        // The DPR does not become ready after the last transaction before the hang. This counts only if it had to be
-        // ready before the hang.
         let horus = What::Hung { board: Board::Horus };
         let restart =
             log.events.iter().position(|event| event.at == RESTARTS && event.what == dpr_reset(true)).unwrap();
@@ -65,14 +59,11 @@ fn a_hang_excuses_unserved_transactions_until_the_run_ends() {
     plan.end = first + 90 * MS;
     plan.selects.retain(|selected| *selected < plan.end - MS);
     let mut log = plan.log();
-    // From the second transaction on the DPR serves none.
     blind(&mut log, first + 1, plan.end);
     log.events.retain(|event| event.at < first || !matches!(event.what, What::Fresh { .. } | What::Ssi(_)));
     assert_eq!(judged_at(&log, first - MS), []);
     let told: Vec<Violation> = found(&log).into_iter().map(|(violation, _)| violation).collect();
     assert!(told.contains(&Silent), "{told:?}");
-    // After the hang there is only one transaction, which is too few for a silence. The DPR is therefore reported as
-    // not ready.
     log.events.retain(|event| {
         event.at <= first || !matches!(event.what, What::Selected | What::Transaction { .. } | What::Ssi(_))
     });
@@ -87,7 +78,7 @@ fn last_end(log: &Log, before: u64) -> u64 {
 
 #[test]
 fn what_had_waited_too_long_when_the_dpr_hung_is_told() {
-    // The DPR keeps the buffers too long, after a transaction or without one.
+    // In the changed log, the DPR keeps the buffers too long, after a transaction or without one.
     let log = Plan::new(3, 60).log();
     let ended = last_end(&log, 258 * MS);
     let unready = silent(&Plan::new(3, 60), ended + 1);

@@ -28,8 +28,6 @@ fn a_read_spliced_from_two_images_is_torn() {
                 let objects = (0..plan.layout.objects()).map(|index| plan.layout.in_image(index).unwrap());
                 let places: Vec<_> = std::iter::once(0..32).chain(objects).collect();
                 let inside = places.iter().find(|place| place.contains(&at) && place.start < at);
-                // At the place where the bytes of two images are joined, an object may differ in one bit from one of
-                // the images.
                 let near = inside.is_some_and(|inside| {
                     [&now, &before].iter().any(|image| distance(&image[inside.clone()], &spliced[inside.clone()]) == 1)
                 });
@@ -39,7 +37,7 @@ fn a_read_spliced_from_two_images_is_torn() {
                 match found.as_slice() {
                     [(Torn, 1)] => {}
                     [(Damaged, 1)] => assert!(near, "{gps} {at}"),
-                    // The join lies where the two images are equal, so the bytes are those of one image.
+                    // The images differ only on one side of the cut, so the transaction reads one of them unchanged.
                     [] => assert!(whole(&now), "{gps} {at}"),
                     [(FreshNotNew, 1)] => assert!(whole(&before), "{gps} {at}"),
                     other => panic!("{gps} {at}: {other:?}"),
@@ -60,7 +58,8 @@ fn a_place_that_is_scrubbed_while_it_is_read_is_torn() {
             assert_eq!(found(&log), [(Torn, 1)], "{range:?} {fill}");
         }
     }
-    // The DPR scrubs the object during the transaction. Its first bytes have one fill value, and the others another.
+    // The DPR scrubs the object during the transaction. The first bytes that are read have the fill value 0x00, and the
+    // others 0xFF.
     let mut log = log.clone();
     miso(&mut log, place)[96..130].fill(0x00);
     miso(&mut log, place)[130..156].fill(0xFF);

@@ -15,7 +15,6 @@ fn found(log: &Log) -> Vec<(Violation, u64)> {
     common::found(log).into_iter().filter(|(violation, _)| *violation != Violation::BaseChanged).collect()
 }
 
-/// Returns a log in which the flight controller reads wrong bytes from the instant `from` to `to`.
 fn read_by_wrong_clocks(from: u64, to: u64) -> Log {
     let mut log = Plan::new(3, 60).log();
     for (_, miso) in transactions(&mut log).filter(|(selected, _)| (from..to).contains(selected)) {
@@ -32,11 +31,9 @@ fn misuse_of_the_ssi_excuses_damaged_reads_until_shortly_after_it() {
     assert!(found(&log).contains(&(Violation::Damaged, 30)), "{:?}", found(&log));
     insert(&mut log, from, injected(MISUSE, until));
     assert_eq!(found(&log), []);
-    // Wrong bytes count as damage if they are read a moment after the excuse of the misuse has ended.
     let mut log = read_by_wrong_clocks(from, over + 5 * MS);
     insert(&mut log, from, injected(MISUSE, until));
     assert_eq!(found(&log), [(Violation::Damaged, 1)]);
-    // The damaged transaction begins 1 ns before the excuse ends, or exactly at its end.
     for (sooner, violations) in [(1, vec![]), (0, vec![(Violation::Damaged, 1)])] {
         let mut plan = Plan::new(3, 60);
         plan.selects.retain(|selected| selected.abs_diff(over) > 2 * MS);
@@ -76,7 +73,6 @@ fn misuse_of_the_ssi_excuses_the_dprs_silence() {
 #[test]
 fn a_transaction_begun_before_the_dpr_was_ready_demands_no_readiness() {
     let mut plan = Plan::new(3, 20);
-    // A transaction is under way when the DPR puts in its first image.
     let took = plan.transaction_ns();
     let first = plan.publications[0].at;
     plan.selects.retain(|at| *at > first + 2 * MS);
@@ -121,7 +117,7 @@ fn a_damaged_length_allows_the_latency_of_a_frame_stored_whole() {
             let place = plan.showing(200);
             let ended = plan.publications[place].at - common::TO_FRESH;
             plan.publications[place].at = ended + bounds::STORE_AND_FORWARD + waits + late;
-            // No transaction comes close to the publication, so none can delay the image.
+            // A transaction close to the publication would delay it, so there is none.
             let at = plan.publications[place].at;
             plan.selects.retain(|selected| !(at - 2 * MS..at + MS).contains(selected));
             let mut log = plan.log();
@@ -135,8 +131,6 @@ fn a_damaged_length_allows_the_latency_of_a_frame_stored_whole() {
     }
 }
 
-/// Decodes a frame of one receiver. Returns its number in the cycle and the number of its objects. If `whole` is false,
-/// the frame broke off after `bytes` bytes.
 fn objects_of(bytes: usize, whole: bool) -> (Option<usize>, usize) {
     let layout = Layout::for_receivers(1).unwrap();
     let frame = common::frame(&common::profile(1, 70));

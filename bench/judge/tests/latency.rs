@@ -90,7 +90,6 @@ fn disturbed_frames_and_cycles_without_a_tick_are_not_measured() {
     plan.upstream.retain(|event| event.what != What::Tick);
     let figures = judged(&plan.log()).figures;
     assert_eq!((figures.sample_to_readable, figures.last_bit_to_readable.is_some()), (None, true));
-    // The time from tick to readable is not measured if the last tick came long before the frame.
     let mut plan = Plan::new(3, 40);
     plan.upstream.retain(|event| event.what != What::Tick || event.at < 200 * MS);
     assert_eq!(judged(&plan.log()).figures.sample_to_readable.unwrap().max, 4_960_000 + 14_659);
@@ -131,8 +130,8 @@ fn a_frame_begun_during_a_front_end_fault_may_be_late() {
     }
 }
 
-/// A disturbed bit in the receive buffers may belong to the frame's LEN. The frame may then take as long as one that
-/// the DPR reads only at its end.
+/// The disturbed bit of the receive buffers may be in the frame's LEN. The DPR may then read the whole frame after its
+/// end.
 #[test]
 fn a_hit_bit_allows_the_latency_of_storing_a_frame_whole() {
     for gps in [1, 3] {
@@ -225,7 +224,6 @@ fn a_sample_dates_from_the_tick_just_before_its_first_frame() {
     assert!(after > bounds::SAMPLE_TO_READABLE);
     assert_eq!(samples(&plan).unwrap().max, after);
     assert!(found(&plan.log()).contains(&(LateSample, 1)));
-    // The only tick of the run comes a whole cycle before the frame, or a little less.
     for (less, measured) in [(0, false), (1, true)] {
         let mut plan = Plan::new(3, 40);
         let began = started(&plan, cycle).unwrap();
@@ -237,7 +235,6 @@ fn a_sample_dates_from_the_tick_just_before_its_first_frame() {
         let longest = samples(&plan).map_or(0, |samples| samples.max);
         assert_eq!(longest > bounds::CYCLE, measured, "{less}: {longest}");
     }
-    // The only tick of the run comes between the two frames of the last cycle.
     for (after, measured) in [(0, true), (1, false)] {
         let mut plan = Plan::new(5, 20);
         let began = started(&plan, cycle).unwrap();

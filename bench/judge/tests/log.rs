@@ -118,7 +118,7 @@ fn what_is_no_log_is_told_with_its_line() {
         (&[HEADER, TICK, r#"{"at":11,"what":"tock"}"#], 3),
         (&[HEADER, r#"{"at":-1,"what":"tick"}"#], 2),
     ] {
-        // Only at the end of the file is an empty line ignored.
+        // An empty line is an error, except at the end of the file.
         let lines = [lines, &[TICK]].concat();
         let error = error(&lines);
         assert!(matches!(error, LogError::Line { line, .. } if line == at), "{lines:?}: {error}");
@@ -153,7 +153,6 @@ fn a_log_that_is_cut_off_is_read_up_to_there() {
     for end in header..whole.len() - 1 {
         let cut = Log::read(&whole[..end]).unwrap();
         let lines = whole[..end].iter().filter(|byte| **byte == b'\n').count() - 1;
-        // A line that lacks only its line feed may still be a complete event.
         assert!([lines, lines + 1].contains(&cut.events.len()), "{end}");
         assert_eq!(cut.events, log.events[..cut.events.len()], "{end}");
         assert_eq!(cut.is_whole(), cut.events.len() == log.events.len(), "{end}");

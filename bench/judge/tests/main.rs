@@ -1,5 +1,3 @@
-//! The tests of the judge in one binary: each file is a module of it.
-
 mod base;
 mod common;
 mod fresh;

@@ -15,7 +15,6 @@ const BACK: u64 = 344_950_000;
 
 #[test]
 fn a_flawless_run_has_its_figures_and_no_violation() {
-    // The time until the DPR is ready does not depend on the number of receivers.
     for (gps, ready) in [(1, TO_READY), (2, TO_READY), (3, TO_READY), (5, TO_READY)] {
         let plan = Plan::new(gps, 60);
         let log = plan.log();
@@ -65,7 +64,6 @@ fn a_restart_keeps_until_when_the_flight_controller_was_silent() {
     }
 }
 
-/// Returns a run without transactions from the instant `from` to `to` (ns).
 fn without_transactions(from: u64, to: u64) -> Plan {
     let mut plan = Plan::new(3, 60);
     let took = plan.transaction_ns();
@@ -83,7 +81,6 @@ fn a_flight_controller_must_read_at_least_every_100_ms() {
     let verdict = judged(&without_transactions(from, from + bounds::NO_TRANSACTION + 1).log());
     assert_eq!(verdict.violations.len(), 1);
     assert_eq!((verdict.violations[0].violation, verdict.violations[0].first_at), (NoTransaction, 351 * MS));
-    // Transactions are missing in two periods, of which the second lasts until the end of the run. Both are reported.
     let mut log = without_transactions(from, from + 150 * MS).log();
     log.events.retain(|event| event.at < 450 * MS || !matches!(event.what, What::Selected | What::Transaction { .. }));
     log.events
@@ -120,7 +117,6 @@ fn a_dpr_that_never_gets_ready_is_a_violation_and_no_other() {
     let verdict = judged(&plan.log());
     assert_eq!(verdict.violations.len(), 1);
     assert_eq!((verdict.violations[0].violation, verdict.violations[0].first_at), (NeverReady, bounds::START));
-    // A DPR that is starting need not do anything.
     let mut plan = Plan::new(3, 8);
     plan.publications.clear();
     assert_eq!(plan.end, bounds::START);
@@ -129,7 +125,7 @@ fn a_dpr_that_never_gets_ready_is_a_violation_and_no_other() {
 
 #[test]
 fn a_dpr_kept_selected_since_its_restart_is_ready_once_deselected() {
-    // The DPR restarts just before the flight controller selects it, or while it is selected.
+    // In the changed log, the DPR restarts just before the flight controller selects it, or while it is selected.
     for restart in [258 * MS, 265 * MS] {
         kept_selected_at_a_restart(restart);
     }
@@ -157,8 +153,6 @@ fn kept_selected_at_a_restart(restart: u64) {
     insert(&mut log, let_go + bounds::SSI_READY, What::Ssi(SsiEvent::Ready));
     let never = |log: &bench_judge::Log| found(log).contains(&(NeverReady, 1));
     assert!(!never(&log), "it is selected until {let_go}");
-    // Chip select is held while the DPR should become ready. If the flight controller raised it earlier, the DPR would
-    // have to be ready.
     for event in &mut log.events {
         if matches!(event.what, What::Transaction { selected, .. } if selected == held) {
             event.at = 300 * MS;
@@ -168,12 +162,11 @@ fn kept_selected_at_a_restart(restart: u64) {
     assert!(never(&log));
 }
 
-/// Returns the log of a run in which the DPR does nothing from `at` to `back`, where the events `what` come at `at`.
+/// Returns the log of a run in which the DPR does nothing from `at` to `back`, with the events `what` at `at`.
 fn restarted(at: u64, back: u64, what: &[What]) -> bench_judge::Log {
     restarted_in(&Plan::new(3, 60), at, back, what)
 }
 
-/// Does what [`restarted`] does, for the run of this plan.
 fn restarted_in(plan: &Plan, at: u64, back: u64, what: &[What]) -> bench_judge::Log {
     let mut log = plan.log();
     blind(&mut log, at, back);
@@ -240,7 +233,6 @@ fn the_dpr_must_be_ready_again_once_misuse_is_over() {
         let mut plan = Plan::new(3, 60);
         let over = plan.publications[plan.showing(300)].at + 3 * MS;
         let ended = over - sooner;
-        // Near the end of the misuse only one transaction is left, which ends `sooner` before that end.
         plan.selects.retain(|selected| selected.abs_diff(over) > 5 * MS);
         plan.selects.push(ended - plan.transaction_ns());
         plan.selects.sort_unstable();
@@ -268,7 +260,6 @@ fn a_transaction_into_which_the_dpr_restarts_is_not_judged() {
     assert_eq!(found(&log), []);
 }
 
-/// Moves the events in `which` from the instant `from` to `to` (ns).
 fn moved(log: &bench_judge::Log, from: u64, to: u64, which: &[SsiEvent]) -> bench_judge::Log {
     let mut log = log.clone();
     let mut count = 0;
@@ -298,7 +289,6 @@ fn the_dpr_must_be_ready_10_us_after_a_transaction() {
     assert_eq!(found(&at(bounds::SSI_READY + 1)), [(NotReady, 1)]);
     assert_eq!(verdict.violations[0].first_at, ended);
     assert_eq!(verdict.figures.ready_ns, Some(Max { max: 10_001 }));
-    // The DPR is not ready when the next transaction begins. It serves neither that transaction nor the one after it.
     let mut late = at(2 * CONTROL_CYCLE + 100_000);
     blind(&mut late, ended + 1, ended + 2 * CONTROL_CYCLE + 200_000);
     late.events.retain(|event| {
@@ -350,7 +340,6 @@ fn a_dpr_that_is_never_ready_again_is_one_violation() {
         .retain(|event| event.at <= ended || !matches!(event.what, What::Ssi(SsiEvent::Released | SsiEvent::Ready)));
     assert!(log.events.last().unwrap().at > ended + bounds::SSI_READY);
     assert_eq!(found(&log), [(NotReady, 1)]);
-    // `ready_ns` leaves out a time that a restart cut short.
     assert_eq!(judged(&log).figures.ready_ns, Some(Max { max: TO_READY }));
 }
 
@@ -385,7 +374,6 @@ fn buffers_that_are_held_for_longer_than_10_us_are_a_violation() {
     assert_eq!(found(&held_for(bounds::SSI_READY)), []);
     assert_eq!(found(&held_for(bounds::SSI_READY + 1)), [(HeldBack, 1)]);
     assert_eq!(judged(&held_for(bounds::SSI_READY + 1)).violations[0].first_at, released - bounds::SSI_READY - 1);
-    // The processor still holds the buffers when the run ends.
     let mut held = log.clone();
     let last = publication(plan.end - 12 * MS);
     held.events.retain(|event| event.at < last || event.what == What::End);
@@ -427,7 +415,6 @@ fn a_silence_without_a_timely_restart_is_a_violation() {
         log.events.last_mut().unwrap().at = over;
         assert_eq!(found(&log), violations, "{cycles}");
     }
-    // Another rule judges that the watchdog restarts a hung DPR within 100 ms.
     let first = log.events[repeats(&log)[10]].at;
     for (silence, violations) in [(120 * MS, vec![]), (140 * MS, vec![(Silent, 1)])] {
         let mut log = log.clone();
@@ -546,7 +533,6 @@ fn a_runaway_flight_controller_must_be_served_up_to_the_budget() {
             let what = What::Transaction { selected: at, mosi: vec![0; 8].into(), miso: vec![0xFF; 156].into() };
             insert(&mut log, at + 160_000, what);
         }
-        // The flight controller forwards the profile of the image after the first transaction that reads the image.
         let profile = image[32..].to_vec();
         log.events.retain(|event| match &event.what {
             What::Forwarded { profile: other } | What::Arrived { profile: other, .. } => **other != *profile,
@@ -592,7 +578,6 @@ fn a_silence_before_a_restart_may_last_expiry_plus_start() {
     }
 }
 
-/// Returns whether the judge reports a DPR that never becomes ready.
 fn never_ready(events: impl IntoIterator<Item = (u64, What)>) -> bool {
     let mut log = Plan::new(3, 0).log();
     log.events.clear();
@@ -606,12 +591,11 @@ fn a_dpr_selected_for_over_a_cycle_need_not_get_ready() {
         |selected: u64| What::Transaction { selected, mosi: vec![0; 96].into(), miso: vec![0xFF; 96].into() };
     let due = bounds::START;
     for (longer, blamed) in [(0, true), (1, false)] {
-        // The flight controller keeps the DPR selected until after the longest time for the DPR's start.
+        // In the changed log, the flight controller keeps the DPR selected until after the longest time for the DPR's
+        // start.
         let began = due + 1 - CYCLE - longer;
         let selected = [(began, What::Selected), (due + 1, What::Tick), (due + MS, What::End)];
         assert_eq!(never_ready(selected), blamed, "selected, {longer}");
-        // Chip select rose just before the end of the time for the DPR's start. The DPR has [`bounds::SSI_READY`] from
-        // then on.
         let ended = due - 5_000;
         let began = ended - CYCLE - longer;
         let let_go = |after: u64| {
@@ -667,7 +651,6 @@ fn a_dpr_that_restarts_while_selected_may_hold_its_buffers() {
 
 #[test]
 fn a_restart_of_the_dpr_keeps_supply_violations_and_figures() {
-    // A reset of a DPR without a supply has no effect.
     let power = |on| What::Power { board: Board::Dpr, on };
     let mut log = restarted(250 * MS, BACK + 10 * CYCLE, &[power(false)]);
     insert(&mut log, 260 * MS, dpr_reset(true));
@@ -677,7 +660,6 @@ fn a_restart_of_the_dpr_keeps_supply_violations_and_figures() {
     let mut log = without_transactions(251 * MS, 450 * MS).log();
     insert(&mut log, 400 * MS, dpr_reset(true));
     assert_eq!(found(&log), [(NoTransaction, 1)]);
-    // The longest time until the DPR is ready may have been measured before its restart.
     let log = restarted(250 * MS, BACK, &[dpr_reset(true)]);
     let place = repeats(&log)[10];
     let ended = log.events[place].at;
@@ -714,8 +696,7 @@ fn a_transaction_must_be_served_while_an_image_is_readable() {
     };
     let (log, _) = nothing();
     assert!(is_unserved(&log) && !is_unserved(&Plan::new(3, 40).log()));
-    // FRESH rises again, `apart` before a transaction, for an image that is already readable. The transaction finds the
-    // DPR busy, which is a violation if `apart` is longer than `bounds::SSI_READY`.
+    // In the changed log, FRESH rises again just before or within a transaction that finds the DPR busy.
     for (apart, unserved) in [(bounds::SSI_READY, false), (bounds::SSI_READY + 1, true)] {
         for within in [false, true] {
             let (mut log, selected) = nothing();

@@ -53,7 +53,7 @@ impl Dpr {
         }
     }
 
-    /// Returns the board with a second front end of this chip, which answers a hold.
+    /// Returns the board with a second front end of this chip. That front end answers a hold.
     #[must_use]
     pub fn with_hold_port(self, chip: Chip) -> Self {
         Self { hold_port: Some(FrontEnd::new(chip, HOLD_PORT, false)), ..self }

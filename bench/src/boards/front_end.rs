@@ -44,7 +44,7 @@ pub struct FrontEnd {
     emission: Emission,
     faults: ChipFaults,
     irq: (bool, Option<bool>),
-    /// The recorded bus traffic, each crossing with its instant, ns. `None` if the traffic is not recorded.
+    /// The recorded bytes and edges on the bus, each with its instant, ns; `None` if the traffic is not recorded.
     crossings: Option<Vec<(u64, Crossing)>>,
 }
 
@@ -114,7 +114,7 @@ impl FrontEnd {
         }
     }
 
-    /// Whether the antenna has emitted an event that [`FrontEnd::take_air`] has yet to take.
+    /// Whether [`FrontEnd::take_air`] would return an event.
     #[must_use]
     pub fn has_air(&self) -> bool {
         self.chip.has_air() || self.emission.next_at() <= self.chip.now()
@@ -137,7 +137,7 @@ impl FrontEnd {
     /// The next instant, ns, at which the chip acts by itself or its antenna emits a delayed event.
     #[must_use]
     pub fn next_event(&self) -> u64 {
-        // The antenna's earlier events need no wake-up, because the bench takes them before it advances time.
+        // The bench takes all earlier events of the antenna before it advances time, so they need no wake-up.
         let held_back = Some(self.emission.next_at()).filter(|at| *at > self.chip.now());
         self.chip.next_event().unwrap_or(u64::MAX).min(held_back.unwrap_or(u64::MAX))
     }
@@ -164,7 +164,7 @@ impl FrontEnd {
         note(&mut self.crossings, at, Crossing::Select(selected));
     }
 
-    /// Whether the part clocks `frame` on the SCK wire of this front end.
+    /// Whether the microcontroller clocks this SPI frame on the SCK wire of the front end.
     #[must_use]
     pub fn is_clocked_by(&self, frame: &SpiFrame) -> bool {
         frame.sck.contains(&Some(self.wires.sck))
@@ -197,15 +197,15 @@ impl FrontEnd {
         self.faults.miso(answer)
     }
 
-    /// Returns when chip select rose after each transmit command since the last call, ns. The chip carries out the
-    /// command at that edge, which is the last instant that the firmware controls.
+    /// Takes the instants, ns, at which chip select rose after a transmit command. The firmware controls this edge, at
+    /// which the chip carries out the command.
     pub fn take_transmits(&mut self) -> Vec<u64> {
         let mut transmits = self.chip.take_transmits();
         transmits.extend(self.emission.take_commands());
         transmits
     }
 
-    /// Takes the bus traffic recorded since the last call, each crossing with its instant, ns.
+    /// Takes the bytes and edges on the bus that were recorded since the last call, each with its instant, ns.
     pub fn take_crossings(&mut self) -> Vec<(u64, Crossing)> {
         self.crossings.as_mut().map(std::mem::take).unwrap_or_default()
     }
@@ -217,8 +217,7 @@ fn note(crossings: &mut Option<Vec<(u64, Crossing)>>, at: u64, crossing: Crossin
     }
 }
 
-/// Records the edges of the chip's interrupt output. Their instants may be earlier than the instant that the chip has
-/// reached.
+/// Records the edges of the chip's interrupt output. An edge may lie slightly in the past.
 fn note_irq(chip: &mut Chip, crossings: &mut Option<Vec<(u64, Crossing)>>) {
     if chip.has_irq_edges() {
         for edge in chip.take_irq_edges() {

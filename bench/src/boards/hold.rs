@@ -36,10 +36,9 @@ pub struct Hold {
     pub front_end: FrontEnd,
     /// The payload: box, vibration and sensors.
     pub payload: Payload,
-    /// The last levels of SCL and SDA that the part has received; `None` before the first.
+    /// The levels of SCL and SDA that the microcontroller received last; `None` at the beginning.
     lines: [Option<bool>; 2],
     outputs: Outputs,
-    /// The changes of the lock's pin since the last call that took them, each with its instant, ns.
     locked: Vec<(u64, bool)>,
 }
 

@@ -23,7 +23,7 @@ const INPUT_PINS: [[Pin; 2]; INPUTS] =
 struct StateInput {
     /// The levels of the input's two pins. The first is high while the input is active.
     levels: (bool, bool),
-    /// If the contact chatters: the instant of the next change, and the time between two changes, ns.
+    /// The instant of the next change and the time between two changes, ns, while the input's contact chatters.
     chatters: Option<(u64, u64)>,
 }
 
@@ -72,7 +72,7 @@ impl Horus {
         }
     }
 
-    /// Makes state input `input` behave as `says` from `at` (ns) on; `None` makes the input inactive.
+    /// Begins a fault of state input `input` at `at` (ns); `None` makes the input inactive.
     pub fn set_input(&mut self, at: u64, input: usize, says: Option<InputFault>) {
         let Some(state) = self.inputs.get_mut(input) else { return };
         state.chatters = match says {
@@ -93,8 +93,8 @@ impl Horus {
         std::mem::take(&mut self.input_changes)
     }
 
-    /// Passes `bytes` to receiver `index` (from 0), which sends them from `at` (ns) on over a UART, or offers them from
-    /// then on over a bus. Returns the instant, ns, at which a UART begins the first byte.
+    /// Passes `bytes` to receiver `index` (from 0). Over a UART the receiver sends them from `at` (ns) on; over a bus
+    /// it offers them from then on. Returns the instant, ns, at which a UART begins the first byte.
     pub fn say(&mut self, at: u64, index: usize, bytes: &[u8]) -> u64 {
         let frames = bytes.iter().map(|&byte| UartFrame::eight_n_one(byte, GNSS_BAUD));
         self.receivers.offer(at, index, bytes);
@@ -113,7 +113,7 @@ impl Board for Horus {
     fn pin(&mut self, at: u64, pin: Pin, pad: Pad) {
         if pin == TICK && pad.level() != self.tick {
             self.tick = pad.level();
-            // TICK is driven low at each tick. A reset only releases the pin, which is no tick.
+            // The firmware drives TICK low at each tick. A reset only releases the pin, which is no tick.
             if pad == Pad::Driven(false) {
                 self.ticks.push(at);
             }

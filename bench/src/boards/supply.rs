@@ -17,7 +17,7 @@ pub trait Powered: Board {
     /// The board's front end.
     fn front_end(&mut self) -> &mut FrontEnd;
 
-    /// Switches the supply of all chips beside the microcontroller on or off at `at` (ns).
+    /// Switches the supply of all chips except the microcontroller on or off at `at` (ns).
     fn supply_chips(&mut self, at: u64, on: bool) {
         self.front_end().supply(at, on);
     }
@@ -31,7 +31,7 @@ pub trait Powered: Board {
     /// Makes the microcontroller's crystals faster by `ppb` parts per billion from now on.
     fn drift<C: Cost>(node: &mut Node<Self, C>, ppb: i64);
 
-    /// Whether the firmware of `part` can only wait for the watchdog after a reset.
+    /// Whether the firmware of `part` does not start after a reset and waits for the watchdog to bite.
     fn cannot_start(part: &Self::Part) -> bool;
 }
 

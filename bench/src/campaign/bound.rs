@@ -3,7 +3,7 @@
 use statrs::distribution::{Beta, ContinuousCDF};
 
 /// Returns the exact (Clopper and Pearson 1934) two-sided confidence interval at 95 % of the rate of an event that
-/// occurred in `seen` of `tried` independent trials. Without a trial it is 0 to 1.
+/// occurred in `seen` of `tried` independent trials. Without a trial the interval is 0 to 1.
 ///
 /// # Panics
 ///

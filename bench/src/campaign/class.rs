@@ -6,14 +6,14 @@ use serde::{Deserialize, Serialize};
 
 use crate::danger::is_dangerous;
 
-/// What one transaction of the flight controller brought.
+/// The result of a transaction of the flight controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reading {
     /// The instant at which the transaction ended, virtual ns.
     pub at: u64,
     /// A digest of the bytes that were read and of the instant at which the transaction began.
     pub bytes: u64,
-    /// The timestamp, ms, of the position that the client flies by; `None` if the client says that there is none.
+    /// The timestamp, ms, of the position by which the flight controller flies; `None` without a position.
     pub position: Option<u32>,
 }
 
@@ -35,24 +35,26 @@ impl Reading {
     }
 }
 
-/// The longest time, ns, for which the client may fly by one position: its age limit of 100 ms
-/// ([`profile::ssi::client::Config`]), and the longest time to the next two readings.
+/// The longest time, ns, for which a flight controller may fly by one position: the client's age limit of 100 ms
+/// ([`profile::ssi::client::Config`]) and two control cycles.
 pub(super) const LONGEST_POSITION: u64 = 100_000_000 + 2 * 4_100_000;
 
-/// The time, ns, before the end in which a link that has recovered brings a new position.
+/// The length, ns, of the last part of a run. A link that has recovered brings a new position in this time.
 pub(super) const LATELY: u64 = 50_000_000;
 
 /// The class of a fault's effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Class {
-    /// The flight controller read the same bytes at the same instants as without the fault.
+    /// The fault had no effect: the flight controller read the same bytes at the same instants as without the fault.
     Masked,
-    /// The flight controller read something else, but nothing invalid as valid, and has new positions at the end.
+    /// The flight controller read other bytes than without the fault, but no invalid data as valid. At the end it
+    /// receives new positions.
     Recovered,
-    /// The link did as in `Recovered`, but at the end the flight controller has no position and its client says so.
+    /// The flight controller read no invalid data as valid, but has no position at the end, and its client reports
+    /// that.
     Stopped,
-    /// Invalid data were shown as valid, or the position stayed the same and nothing said so.
+    /// The flight controller read invalid data as valid, or kept flying by one position for longer than allowed.
     Dangerous,
 }
 
@@ -71,8 +73,8 @@ impl Class {
         }
     }
 
-    /// Returns the class of a run with these readings and violations; `reference` has the readings of the same time
-    /// without the fault.
+    /// Returns the class of a fault, from the readings and violations with the fault and the readings without it
+    /// (`reference`).
     #[must_use]
     pub fn of(reference: &[Reading], readings: &[Reading], violations: &[Violation]) -> Self {
         if violations.iter().any(|violation| is_dangerous(*violation)) || stands_still(readings) {
@@ -87,7 +89,6 @@ impl Class {
     }
 }
 
-/// Whether the client flew by one position for longer than it may: a silent stop.
 fn stands_still(readings: &[Reading]) -> bool {
     readings.chunk_by(|one, other| one.position == other.position).any(|same| {
         let (Some(first), Some(last)) = (same.first(), same.last()) else { return false };
@@ -108,7 +109,6 @@ mod tests {
 
     const MS: u64 = 1_000_000;
 
-    /// A reading every 4 ms; the client flies by the positions that `position` returns for each instant, in ms.
     fn readings(position: impl Fn(u64) -> Option<u32>) -> Vec<Reading> {
         (1..=100).map(|nth| Reading { at: nth * 4 * MS, bytes: nth, position: position(nth * 4) }).collect()
     }
@@ -120,7 +120,6 @@ mod tests {
     #[test]
     fn the_same_bytes_at_the_same_instants_are_masked() {
         assert_eq!(Class::of(&sound(), &sound(), &[]), Class::Masked);
-        // What a board only counts does not reach a reader.
         assert_eq!(Class::of(&sound(), &sound(), &[Violation::HorusComplains]), Class::Masked);
     }
 
@@ -163,9 +162,25 @@ mod tests {
             |ms: u64| readings(move |at| Some(if at < 40 { at as u32 } else { (at - 40).saturating_sub(ms) as u32 }));
         assert_eq!(Class::of(&sound(), &stands(longest + 4), &[]), Class::Dangerous);
         assert_eq!(Class::of(&sound(), &stands(longest), &[]), Class::Recovered);
-        // Nothing new in the middle of the run is as bad, and no position for as long is not.
         let none = readings(|ms| (ms < 40).then_some(ms as u32));
         assert_eq!(Class::of(&sound(), &none, &[]), Class::Stopped);
+    }
+
+    fn class(readings: &[(u64, u32)]) -> Class {
+        let of = |&(us, position): &(u64, u32)| Reading { at: us * 1_000, bytes: 0, position: Some(position) };
+        Class::of(&sound(), &readings.iter().map(of).collect::<Vec<_>>(), &[])
+    }
+
+    #[test]
+    fn a_position_may_last_108_200_us() {
+        assert_eq!(class(&[(4_000, 1), (112_200, 1), (116_000, 2)]), Class::Recovered);
+        assert_eq!(class(&[(4_000, 1), (112_201, 1), (116_000, 2)]), Class::Dangerous);
+    }
+
+    #[test]
+    fn a_position_that_is_50_ms_old_at_the_end_is_not_new() {
+        assert_eq!(class(&[(4_000, 1), (4_001, 2), (54_000, 2)]), Class::Stopped);
+        assert_eq!(class(&[(4_001, 1), (4_002, 2), (54_000, 2)]), Class::Recovered);
     }
 
     #[test]

@@ -11,12 +11,11 @@
 //! | stopped | the same, but at the end it has no position, and knows that |
 //! | dangerous | invalid data as valid, or a position that stays the same without anything that says so |
 //!
-//! A trial is determined by the seed, its number and the [`Scope`], not by the number of cycles, jobs or shards. So
-//! every trial can be repeated alone, and shards that were run on several machines are one campaign after
-//! [`Tally::merge`].
+//! The seed, the trial's number and the [`Scope`] alone determine a trial. Each trial can therefore be repeated alone,
+//! and parts of a campaign from several machines can be joined ([`Tally::merge`]).
 //!
-//! A fault that changed nothing anywhere would look masked. Therefore a trial whose log has no injected fault counts as
-//! void, and a campaign has failed ([`Tally::flaws`]) if one of its kinds was never injected or never read.
+//! A fault that was never injected would look masked. A trial without an injected fault in its log is therefore void. A
+//! campaign fails if a kind of fault was never injected, or if nothing was read ([`Tally::flaws`]).
 
 mod bound;
 mod class;
@@ -48,8 +47,7 @@ const EARLIEST: u64 = 500_000_000;
 pub struct Options {
     /// What determines each trial.
     pub scope: Scope,
-    /// The least number of cycles of HORUS that all trials together run. Each trial has a number of cycles that its
-    /// fault determines.
+    /// The least number of cycles of HORUS in all trials together. A trial's number of cycles depends on its fault.
     pub cycles: u64,
     /// The number of threads, at least 1.
     pub jobs: usize,
@@ -66,7 +64,7 @@ pub enum Error {
     /// The threads cannot be started.
     #[error("the threads of the campaign cannot be started")]
     Threads(#[from] rayon::ThreadPoolBuildError),
-    /// The run without a fault breaks a rule of the judge, so that nothing can be compared with it.
+    /// The run without a fault already violates a rule of the judge, so it is no reference for the trials.
     #[error("the run without a fault already has violations: {0}")]
     Reference(String),
     /// The run without a fault read nothing.
@@ -74,12 +72,12 @@ pub enum Error {
     NothingRead,
 }
 
-/// Runs the campaign on a link of `setup`, whose faults, length and outputs are ignored. Calls `done` with the cycles
-/// of each trial that has ended. Notes in `records`, if there are any, what the boards of all trials execute.
+/// Runs the campaign on a link of `setup`, but without the faults, the length and the output files of `setup`. Calls
+/// `done` with the cycles of each finished trial. Notes in `records` what the boards execute.
 ///
 /// # Errors
 ///
-/// The bench cannot begin, or the run without a fault is not one to compare with.
+/// The bench cannot begin, or the run without a fault has violations or reads nothing.
 pub fn run(
     setup: &Setup,
     options: &Options,
@@ -139,7 +137,8 @@ fn trials_on<C: Cost>(
     if let Some(records) = records {
         base.set_records(records);
     }
-    // The bridge calls this on one thread at a time and in the order of the instants, since a bench cannot go back.
+    // The iterator creates the copies in the order of their instants and on one thread, because a bench cannot go back
+    // in time.
     let begun = plans.into_iter().map(|plan| {
         base.run_to(plan.at, Threads::One);
         plan.begin(base.clone())

@@ -1,4 +1,4 @@
-//! What determines the trials of a campaign.
+//! The settings that determine the trials of a campaign.
 
 use std::fmt;
 
@@ -6,7 +6,7 @@ use emulator_node::Clock;
 
 use crate::faults::Kind;
 
-/// What determines the trials of a campaign, apart from the firmwares.
+/// The settings that determine the trials of a campaign, for given firmwares.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scope {
     /// The kinds of fault, which the trials use in turn.
@@ -19,12 +19,13 @@ pub struct Scope {
     pub clock: Clock,
     /// The bit error rate of the faults of [`Kind::Bits`].
     pub bit_error: f64,
-    /// The time, s, from which the instants of the faults are drawn; it begins when both boards have started.
+    /// The length, s, of the interval from which the faults' instants are drawn. It begins when both boards have
+    /// started.
     pub seconds: u64,
 }
 
 impl fmt::Display for Scope {
-    /// Writes the options of the command line that give this scope.
+    /// Writes these settings as options of the command line.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { seed, gps, clock, bit_error, seconds, .. } = self;
         let kinds: Vec<&str> = self.kinds.iter().map(|kind| kind.word()).collect();

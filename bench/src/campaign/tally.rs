@@ -45,21 +45,21 @@ impl std::str::FromStr for Shard {
 /// What became of the faults of one row.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Counts {
-    /// The number of trials without an injected fault, which no class counts.
+    /// The number of trials without an injected fault; no other counter includes them.
     pub void: u64,
     /// The number of masked faults.
     pub masked: u64,
-    /// The number of faults from which the link recovered.
+    /// The number of recovered faults.
     pub recovered: u64,
-    /// The number of faults after which the flight controller had no position and knew it.
+    /// The number of faults that left the flight controller without a position, as its client reported.
     pub stopped: u64,
-    /// The number of faults that misled a reader.
+    /// The number of dangerous faults.
     pub dangerous: u64,
     /// The number of faults, other than upsets, for which the judge found a violation that misleads nobody.
     pub broken: u64,
     /// The number of cycles of HORUS in all trials of the row.
     pub cycles: u64,
-    /// The number of transactions that the flight controller read.
+    /// The number of the flight controller's transactions.
     pub readings: u64,
 }
 
@@ -86,7 +86,7 @@ impl Counts {
 /// same campaign are equal.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Tally {
-    /// The options that determine the trials, as the command line has them.
+    /// The command line's options that determine the trials.
     pub scope: String,
     /// The least number of cycles of the whole campaign.
     pub cycles: u64,
@@ -94,7 +94,8 @@ pub struct Tally {
     pub parts: BTreeSet<Shard>,
     /// What became of the faults of each row.
     pub rows: BTreeMap<String, Counts>,
-    /// The trials that misled a reader, or that broke a rule of the judge without being an upset: number and words.
+    /// A description of each trial with a dangerous fault, or with a violation after a fault that is no upset, by the
+    /// trial's number.
     pub found: BTreeMap<u64, String>,
 }
 
@@ -107,7 +108,7 @@ pub enum MergeError {
     /// Both have the same part.
     #[error("both have part {} of {}", .0.part, .0.of)]
     Twice(Shard),
-    /// They were cut into different numbers of parts.
+    /// The campaigns were divided into different numbers of parts.
     #[error("one campaign was cut into {0} parts, the other into {1}")]
     Cut(u64, u64),
 }
@@ -139,11 +140,11 @@ impl Tally {
         }
     }
 
-    /// Joins the outcome of other parts of the same campaign to this one.
+    /// Joins the outcome of other parts of the campaign to this outcome.
     ///
     /// # Errors
     ///
-    /// [`MergeError`] if `other` is of another campaign, or has a part that is here already.
+    /// [`MergeError`] if `other` belongs to another campaign, or if both have the same part.
     pub fn merge(&mut self, other: Self) -> Result<(), MergeError> {
         if (&self.scope, self.cycles) != (&other.scope, other.cycles) {
             let words = |tally: &Self| format!("--cycles {} {}", tally.cycles, tally.scope);
@@ -176,7 +177,7 @@ impl Tally {
         sum
     }
 
-    /// Returns why the campaign shows nothing, each reason as a sentence; empty for one that shows something.
+    /// Returns each reason why the campaign's outcome is worthless, as a sentence.
     #[must_use]
     pub fn flaws(&self) -> Vec<String> {
         let mut flaws = vec![];
@@ -194,13 +195,13 @@ impl Tally {
         flaws
     }
 
-    /// Whether the campaign has all parts, and no fault of it misled a reader or broke a rule of the judge.
+    /// Whether the campaign has no flaw, no dangerous fault and, except for upsets, no violation.
     #[must_use]
     pub fn is_clean(&self) -> bool {
         self.found.is_empty() && self.flaws().is_empty()
     }
 
-    /// The outcome as a table in Markdown, whose last column has the rate of dangerous faults and its interval.
+    /// The outcome as a table in Markdown, with the rate of dangerous faults and its confidence interval.
     #[must_use]
     pub fn table(&self) -> String {
         let mut text = "| fault | injected | masked | recovered | stopped | dangerous | rate of dangerous, 95 % |\n\

@@ -13,21 +13,24 @@ use crate::sim::Bench;
 /// The length of a cycle of HORUS, virtual ns.
 pub const CYCLE: u64 = 10_000_000;
 
-/// The number of trials with the same instant, which the bench reaches once.
+/// The number of trials whose faults begin at one instant. The bench reaches that instant once, and is copied for each
+/// of these trials.
 const PER_INSTANT: u64 = 16;
 
-/// How long a copy of the bench runs after an upset, ns. The watchdogs reset a board within 200 ms, and 40 ms later the
-/// board's cycles are accepted again.
+/// The time for which a copy of the bench runs after an upset, ns. A watchdog resets its board within 200 ms, and the
+/// board's cycles are accepted 40 ms later.
 const AFTER_UPSET: u64 = 400_000_000;
 
-/// How long a copy runs after the end of a fault of the air or of a line, ns: the recovery takes three cycles.
+/// The time for which a copy of the bench runs after the end of a fault of the air, of a line, of an oscillator or of
+/// the flight controller, ns. The recovery takes three cycles.
 const AFTER_LINE: u64 = 100_000_000;
 
-/// How long a copy runs after the end of any other fault, ns. A board may have to start, and a front end too.
+/// The time for which a copy of the bench runs after the end of any other fault, ns. A board and a front end may have
+/// to start.
 const AFTER_FAULT: u64 = 600_000_000;
 
-/// The longest time by which a copy without a position at its end runs on, ns. A receiver that lost its settings, or a
-/// board that starts, has a position again before its end.
+/// A copy of the bench that has no position at its planned end runs on for at most this time, ns. A receiver that lost
+/// its settings sends positions again within this time.
 const EXTENSION: u64 = 1_500_000_000;
 
 /// The step in which a copy runs on, ns.
@@ -36,8 +39,8 @@ const STEP: u64 = 10 * CYCLE;
 /// The longest time from the beginning of a trial to its end, ns.
 pub(super) const LONGEST: u64 = 8_000_000_000;
 
-/// The streams of random numbers of the instants and of the trials. The streams of the kinds of fault, from 0 on, are
-/// those of faults that are drawn into a run.
+/// The numbers of the random streams for the instants and for the trials. Smaller numbers belong to faults that are
+/// drawn into a run.
 const INSTANTS: u64 = 1 << 40;
 const TRIALS: u64 = 2 << 40;
 
@@ -50,16 +53,16 @@ pub struct Plan {
     pub kind: Kind,
     /// The board that is upset; `None` unless the kind is an upset.
     pub board: Option<Board>,
-    /// The instant, virtual ns, at which the bench is copied. The first fault begins there.
+    /// The instant, virtual ns, at which the bench is copied and the first fault begins.
     pub at: u64,
-    /// The number of cycles of HORUS that the trial runs, unless it has no position at their end.
+    /// The number of cycles of HORUS that the trial runs. The trial is longer if there is no position at the end.
     pub cycles: u64,
     faults: Faults,
     rng: Rng,
 }
 
 impl Plan {
-    /// The plans of all trials in `scope` that have at least `cycles` cycles together.
+    /// The plans of the trials in `scope`. Together these trials have at least `cycles` cycles.
     pub fn all(scope: &Scope, cycles: u64) -> impl Iterator<Item = Self> {
         let mut left = cycles;
         let plans = (1..).map(|number| Self::new(scope, number));
@@ -108,7 +111,7 @@ impl Plan {
         }
     }
 
-    /// Puts the fault into `bench`, a copy that has reached [`Plan::at`].
+    /// Begins the fault in `bench`, a copy of the bench at the instant [`Plan::at`].
     pub(super) fn begin<C: Cost>(mut self, mut bench: Bench<C>) -> Begun<C> {
         let mut words: Vec<String> = self.faults.episodes().iter().map(|it| it.fault.name()).collect();
         if let Some(board) = self.board {
@@ -191,7 +194,7 @@ pub struct Trial {
     pub number: u64,
     /// The name of the trial's row, see [`Plan::row`].
     pub row: String,
-    /// Whether the fault is an upset, of whose consequences the judge excuses few.
+    /// Whether the fault is an upset. The judge excuses few consequences of an upset.
     pub is_upset: bool,
     /// The instant at which the fault began, virtual ns.
     pub at: u64,
@@ -201,7 +204,7 @@ pub struct Trial {
     pub cycles: u64,
     /// The number of transactions that the flight controller read.
     pub readings: u64,
-    /// Whether the log says that the fault was injected.
+    /// Whether the event log has the injection of the fault.
     pub injected: bool,
     /// The class of the fault's effect.
     pub class: Class,

@@ -27,8 +27,8 @@ impl BaseFault {
         }
     }
 
-    /// Returns the objects that the faulty base station shows as valid; without the fault they would be `shown` (bit 0
-    /// is Reported-Position, bit n GPSn).
+    /// Returns the objects that the faulty base station shows as valid, in place of `shown`: bit 0 is
+    /// Reported-Position, bit n is GPSn.
     #[must_use]
     pub fn shows(self, shown: u8, layout: Layout) -> u8 {
         match self {

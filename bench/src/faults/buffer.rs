@@ -1,6 +1,6 @@
 //! Faulty bits in the DPR's buffers, into which frames are received and from which images are read.
 //!
-//! A random word picks the faulty bit, uniformly over all buffers of a kind.
+//! A random number determines the faulty bit, uniformly over all buffers of a kind.
 
 use bench_judge::disturbance::Memory;
 use cortex_m4::Cost;
@@ -30,10 +30,10 @@ impl Buffers {
     }
 }
 
-/// A fault of one bit of the DPR's buffers. The word in each variant picks the bit.
+/// A fault of one bit of the DPR's buffers. The number in each variant determines the bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BufferFault {
-    /// The bit flips once, when the episode begins.
+    /// The bit flips once, at the beginning of the episode.
     Flips(Buffers, u64),
     /// The bit reads this value until the episode's end, even after a write of the other value.
     Stuck(Buffers, bool, u64),

@@ -23,7 +23,7 @@ pub enum ChipFault {
     ReadsOnes,
     /// Every bit that the board reads from the chip is 0.
     ReadsZeros,
-    /// One byte in [`GLITCH_EVERY`] on average has a flipped bit, on its way to the chip or from it. The number is the
+    /// A bit flips in one of [`GLITCH_EVERY`] bytes on average, on the way to the chip or from it. The number is the
     /// seed.
     Glitches(u64),
 }
@@ -33,11 +33,11 @@ pub enum ChipFault {
 pub const GLITCH_EVERY: u64 = 1024;
 
 impl ChipFault {
-    /// All faults of a front end's chip but the glitches of its SPI.
+    /// All faults of a front end's chip except glitches of the SPI.
     pub const ALL: [Self; 6] =
         [Self::IrqLow, Self::IrqHigh, Self::NoInterrupts, Self::NoFrameEnds, Self::ReadsOnes, Self::ReadsZeros];
 
-    /// Returns the fault's name in the event log, which follows the board and the words "front end".
+    /// Returns the fault's name in the event log. There the board and the words "front end" come before it.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -125,7 +125,7 @@ impl ChipFaults {
         self.present.iter().rev().find_map(|fault| of(*fault))
     }
 
-    /// Returns the level of the chip's interrupt line, which is `level` without these faults.
+    /// Returns the level of the chip's interrupt line with the present faults, in place of `level`.
     #[must_use]
     pub fn irq(&self, level: bool) -> bool {
         let stuck = self.last(|fault| match fault {
@@ -136,7 +136,7 @@ impl ChipFaults {
         stuck.unwrap_or(level)
     }
 
-    /// Returns the bits that a glitch flips in the next byte, on its way to the chip and from it.
+    /// Returns the bits that a glitch inverts in the next byte to the chip and in the byte from it.
     pub fn glitch(&mut self) -> [u32; 2] {
         let Some(rng) = self.glitches.as_mut() else { return [0, 0] };
         if !rng.one_in(GLITCH_EVERY) {
@@ -157,7 +157,7 @@ impl ChipFaults {
         stuck.or(answer)
     }
 
-    /// The interrupts that the present faults keep the chip from raising.
+    /// Returns the interrupts that the present faults prevent.
     #[must_use]
     pub fn withheld(&self) -> Withheld {
         let withheld = |fault| match fault {

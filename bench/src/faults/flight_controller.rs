@@ -39,9 +39,9 @@ pub enum Conduct {
     /// The flight controller writes a request or an object in each control cycle: in turn every one that the DPR must
     /// refuse, and every order of timestamps.
     WritesEach,
-    /// The flight controller makes no transaction at all.
+    /// The flight controller makes no transaction.
     Silent,
-    /// Chip select falls and rises without a clock, with this period in ns. It is low for half of the period.
+    /// Chip select falls and rises once in this period (ns) without a clock, and is low for half of it.
     Edges(u64),
     /// The flight controller reads `bytes` bytes (possibly none) once in `period_ns`. Chip select stays high for at
     /// least 0.3 µs between two reads.
@@ -54,7 +54,7 @@ pub enum Conduct {
 }
 
 impl Conduct {
-    /// All conducts except [`Self::WritesEach`], and [`Self::Edges`] and [`Self::Every`], which have parameters.
+    /// All kinds of misuse except [`Self::WritesEach`], and [`Self::Edges`] and [`Self::Every`], which have parameters.
     pub const ALL: [Self; 15] = [
         Self::Hammers,
         Self::ZeroBytes,
@@ -73,7 +73,7 @@ impl Conduct {
         Self::Silent,
     ];
 
-    /// Returns the conduct's name in the event log.
+    /// Returns the name of the misuse in the event log.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -99,7 +99,7 @@ impl Conduct {
         }
     }
 
-    /// The properties of the conduct that determine what the judge excuses.
+    /// Returns the disturbance by which the judge determines what to excuse.
     #[must_use]
     pub const fn disturbs(self) -> disturbance::Conduct {
         match self {

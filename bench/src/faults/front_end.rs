@@ -1,7 +1,7 @@
 //! Faults of HORUS's front end, the poller, or of the wires to it.
 //!
-//! [`Emission`] takes the events that the chip emits and returns those that leave the antenna, which neither chip nor
-//! firmware can observe. [`FrontEndFault::SelectLate`] acts on the wire of chip select instead.
+//! [`Emission`] takes the events that the chip emits and returns those that leave the antenna. Neither chip nor
+//! firmware can observe the difference. [`FrontEndFault::SelectLate`] delays chip select instead.
 
 use std::collections::VecDeque;
 
@@ -24,14 +24,13 @@ pub enum FrontEndFault {
     FrameAgain(u64),
     /// The chip receives each transmit command again, this many ns after the frame's end.
     CommandAgain(u64),
-    /// Each frame begins late by a uniformly drawn delay of at most this many ns.
+    /// Each frame begins late, by a uniformly drawn delay of at most this many ns.
     Scatters(u64),
-    /// Each rise of chip select reaches the chip late by a uniformly drawn delay of at most this many ns.
+    /// Each rise of chip select reaches the chip late, by a uniformly drawn delay of at most this many ns.
     SelectLate(u64),
 }
 
-/// The time from a transmit command to its frame, if a fault repeats the command, ns. It is the mean of recordings of
-/// the chip.
+/// The time from a repeated transmit command to its frame, ns: the mean of recordings of the chip.
 pub const COMMAND_TO_FRAME_NS: u64 = 4_000;
 
 impl FrontEndFault {
@@ -51,8 +50,8 @@ impl FrontEndFault {
     }
 }
 
-/// Removes the last byte of payload from `data`, a frame of `whole` bytes, and corrects its CRC. LEN is already
-/// shorter.
+/// Removes the last byte of the payload of a frame of `whole` bytes, and corrects the frame's CRC. LEN was already
+/// reduced.
 fn shorten(data: &mut Vec<u8>, whole: usize) {
     data.truncate(whole - 3);
     let crc = nfc_f(data);
@@ -63,10 +62,10 @@ fn shorten(data: &mut Vec<u8>, whole: usize) {
 struct Sending {
     start: FrameStart,
     late: u64,
-    /// Whether the frame's end has already left the antenna, so that the chip's own end of the frame is ignored.
+    /// Whether the frame's end has left the antenna while the chip was still sending the frame.
     ended: bool,
     lost: bool,
-    /// The frame's original length, bytes, if its last byte of payload must be removed when all bytes are known.
+    /// The original length, bytes, of a frame whose last byte of payload is to be removed.
     shortened: Option<usize>,
 }
 
@@ -173,13 +172,12 @@ impl Emission {
             .sum();
         let data = &mut start.chunk.data;
         let mut bits = None;
-        // LEN, the frame's first byte, counts itself and the payload but not the two bytes of CRC.
         let whole = data.first().map_or(0, |len| usize::from(*len) + 2);
         let mut shortened = None;
         if self.faults.contains(&FrontEndFault::Shortened) && whole > 4 {
             data[0] -= 1;
             bits = Some(8 * (whole as u64 - 1));
-            // The chip loads a frame's last bytes only while it sends, so the bench may not know them yet.
+            // The chip may load the frame's last bytes while it already sends, so these bytes may be missing now.
             if data.len() >= whole {
                 shorten(data, whole);
             } else {
@@ -191,8 +189,7 @@ impl Emission {
         }
         if let (Some(bits), false) = (bits, lost) {
             let air = u64::from(start.header_bits) + bits / 8 * u64::from(start.byte_bits) + bits % 8;
-            // The division is split in two, so that attoseconds become nanoseconds without overflow; a bit takes about
-            // 2.4 µs.
+            // The first division prevents an overflow; a bit takes about 2.4 µs.
             let ends = at + late + air * (start.bit_as / 1_000_000) / 1_000;
             self.leave(ends, AirEvent::FrameEnd { bits: u32::try_from(bits).unwrap_or(u32::MAX) });
         }
@@ -242,7 +239,7 @@ mod tests {
     use super::*;
 
     const MS: u64 = 1_000_000;
-    /// The duration of a bit in these tests, ns. It is a round number in place of the 2.36 µs of 424 kbit/s.
+    /// The duration of a bit, ns, rounded from the 2.36 µs of 424 kbit/s.
     const BIT_NS: u64 = 2_000;
 
     fn frame() -> FrameStart {
@@ -263,7 +260,6 @@ mod tests {
     const BITS: u32 = 8 * 13;
     const AIR_NS: u64 = (64 + BITS as u64) * BIT_NS;
 
-    /// Sends a frame at 1 ms through a front end with `faults`. Returns what leaves the antenna until `until`.
     fn leaves(faults: &[FrontEndFault], until: u64) -> (Vec<(u64, AirEvent)>, Vec<u64>) {
         let mut emission = Emission::new(1);
         faults.iter().for_each(|fault| emission.begin(0, *fault, false));

@@ -34,7 +34,7 @@ pub enum Hostile {
     Blinks,
 }
 
-/// A difference between the run and its log, which the judge has to report. `--faults` draws no such fault.
+/// A fault that is not in the event log, so that the judge has to report its effects. `--faults` draws no such fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Break {
     /// The hold's antenna sends no frames.
@@ -82,9 +82,10 @@ pub enum HoldFault {
     Sensors(SensorFault),
     /// Each pair of antennas at the DPR also receives what is meant for the other pair.
     Crosstalk,
-    /// The run differs from its log in this respect.
+    /// The run deviates from its log.
     Broken(Break),
-    /// A constant in the hold's program, as in [`super::ImageFault::Constant`], which is not mended. It is not drawn.
+    /// A constant in the hold's program has another value to the end of the run ([`super::ImageFault::Constant`]).
+    /// `--faults` does not draw this fault.
     Constant {
         /// The original constant.
         of: u32,
@@ -94,7 +95,7 @@ pub enum HoldFault {
 }
 
 impl HoldFault {
-    /// Every way in which something hostile sends in the place of the hold.
+    /// Returns every kind of transmission by a hostile sender in place of the hold.
     pub(super) fn hostile(rng: &mut Rng) -> impl Iterator<Item = Self> {
         let all = [Hostile::Random, Hostile::Horus, Hostile::Lengths, Hostile::Carrier, Hostile::Blinks];
         all.map(|hostile| Self::Hostile(hostile, rng.word())).into_iter()
@@ -146,7 +147,7 @@ impl HoldFault {
         }
     }
 
-    /// The part of the link that the fault disturbs.
+    /// Returns the disturbance by which the judge determines what to excuse.
     #[must_use]
     pub const fn disturbs(&self) -> Disturbance {
         match self {
@@ -168,7 +169,7 @@ impl HoldFault {
 pub struct Impostor {
     hostile: Hostile,
     rng: Rng,
-    /// The events that the sender will emit, each with its instant, ns, in order of time.
+    /// The sender's next events, each with its instant, ns.
     planned: std::collections::VecDeque<(u64, AirEvent)>,
     carrier: bool,
 }
@@ -185,7 +186,7 @@ impl Impostor {
         impostor
     }
 
-    /// Whether the hostile sender's carrier is on.
+    /// Whether the hostile sender's carrier is on at present.
     #[must_use]
     pub fn carrier(&self) -> bool {
         self.carrier
@@ -197,8 +198,8 @@ impl Impostor {
         self.planned.front().map_or(u64::MAX, |(at, _)| *at)
     }
 
-    /// Takes the sender's next event. `horus` has frames that HORUS has sent. With `goes_on`, the sender plans further
-    /// events after its last one.
+    /// Takes the sender's next event. `horus` has frames of HORUS, which the sender may repeat. If `goes_on`, the
+    /// sender continues after its planned events.
     pub fn take(&mut self, horus: &[Vec<u8>], goes_on: bool) -> Option<(u64, AirEvent)> {
         let (at, event) = self.planned.pop_front()?;
         match event {
@@ -212,7 +213,6 @@ impl Impostor {
         Some((at, event))
     }
 
-    /// Plans the events that follow the instant `at` (ns).
     fn plan(&mut self, at: u64, horus: &[Vec<u8>]) {
         let rng = &mut self.rng;
         let begins = at + if rng.one_in(2) { rng.between(20_000, 400_000) } else { rng.between(20_000, 20 * MS) };
@@ -224,7 +224,7 @@ impl Impostor {
                 return self.planned.push_back((begins, event));
             }
             Hostile::Horus => match horus.get(rng.below(horus.len() as u64) as usize) {
-                // The frame is one that HORUS has sent, so it already has LEN and CRC-16.
+                // A frame of HORUS already has LEN and CRC-16.
                 Some(frame) => return self.send(begins, frame.clone(), false),
                 None => vec![0; 64],
             },
@@ -249,7 +249,7 @@ impl Impostor {
     fn send(&mut self, at: u64, data: Vec<u8>, cut: bool) {
         let all = 8 * data.len() as u32;
         let bits = if cut { self.rng.below(u64::from(all)) as u32 } else { all };
-        // A bit of 424 kbit/s takes 32 cycles of 13.56 MHz, here in attoseconds.
+        // The duration in attoseconds of 32 cycles of 13.56 MHz.
         let bit_as = 2_359_882_005_900;
         let start = FrameStart {
             technology: Technology::NfcF,

@@ -27,12 +27,12 @@
 //!
 //! # Where to add a fault
 //!
-//! Most faults are variants of an enumeration in one of the files above (`ReceiverFault`, `PowerFault` and so on). The
-//! fault's effect is in the same file. A line in [`plan`] makes `--faults` draw the fault.
+//! Most faults are variants of an enumeration in one of this folder's files (`ReceiverFault`, `PowerFault` and so on).
+//! The fault's effect is in the same file. A line in [`plan`] makes `--faults` draw the fault.
 //!
 //! A fault of a new kind is a variant of [`Fault`] with its name, its side of the link ([`Fault::is_upstream`]) and its
-//! disturbance ([`Fault::disturbs`]), from which the judge knows what to excuse ([`bench_judge::disturbance`]). Three
-//! files apply episodes: `sim/upstream.rs`, `sim/downstream.rs` and `sim/board_events.rs`. `panel.rs` lists the
+//! disturbance ([`Fault::disturbs`]). The disturbance tells the judge what to excuse ([`bench_judge::disturbance`]).
+//! Three files apply episodes: `sim/upstream.rs`, `sim/downstream.rs` and `sim/board_events.rs`. `panel.rs` lists the
 //! faults that the panel of `cargo xtask live` offers.
 
 pub mod base;
@@ -88,8 +88,8 @@ pub enum Fault {
     FrontEnd(FrontEndFault),
     /// A fault of a board's front-end chip, or of a line to it.
     Chip(Board, ChipFault),
-    /// A register's bit of a board's front-end chip flips. The number is the bit's index in [`RegisterBit::all_of`],
-    /// modulo the number of bits. The firmware must have corrected the flip when the episode ends.
+    /// A bit of a register of a board's front-end chip flips. The number is the bit's index in [`RegisterBit::all_of`],
+    /// modulo the number of bits. The firmware must have corrected the bit when the episode ends.
     Flip(Board, u64),
     /// A misuse of the SSI by the flight controller.
     FlightController(Conduct),
@@ -103,20 +103,21 @@ pub enum Fault {
     /// ([`emulator_node::Node::hang`]). Only the board's own watchdog ends the hang.
     Hang(Board),
     /// A task of a board is dead, because its interrupt is off. The number is the task's index in [`tasks_of`]. The
-    /// board's watchdog ends the fault, because the task no longer checks in. A board that has not enabled its
+    /// board's watchdog ends the fault, because the task does not check in. A board that has not enabled its
     /// interrupts, hangs or has no supply is not affected.
     DeadTask(Board, u8),
     /// A task of a board runs once although nothing has called it: its interrupt becomes pending. The number is the
     /// task's index in [`tasks_of`]. A task that is a step of its board's cycle ([`is_step`]) makes the board stop; any
     /// other finds no work. A board that has not enabled its interrupts, hangs or has no supply is not affected.
     Spurious(Board, u8),
-    /// A drift of the external oscillators of a board's microcontroller, parts per billion above what they had before.
+    /// A drift of the external oscillators of a board's microcontroller: the parts per billion that are added to the
+    /// oscillators' earlier error.
     Drift(Board, i64),
     /// An upset of a bit of a board.
     Upset(Board, Upset),
     /// A fault of a bit of the DPR's buffers.
     Buffer(BufferFault),
-    /// Damage to a board's program, which is repaired at the episode's end.
+    /// Damage to a board's program. The program is repaired at the episode's end.
     Image(Board, ImageFault),
     /// A fault of the active hold.
     Hold(HoldFault),
@@ -267,7 +268,7 @@ impl Faults {
         Self::default()
     }
 
-    /// The faults of a run in which the air has `faults` from beginning to end.
+    /// Returns the faults of a run in which the air has `faults` all the time.
     #[must_use]
     pub fn of_air(faults: AirFaults) -> Self {
         Self::none().with(0, u64::MAX, Fault::Air(faults))
@@ -292,7 +293,7 @@ impl Faults {
         &self.episodes
     }
 
-    /// Returns the beginnings and ends of one side's episodes: HORUS's side (`upstream`) or the DPR's.
+    /// Returns the timeline of the episodes on HORUS's side (`upstream`) or on the DPR's side.
     #[must_use]
     pub fn timeline(&self, upstream: bool) -> Timeline {
         let mine = self.episodes.iter().filter(|episode| episode.fault.is_upstream() == upstream);
@@ -312,7 +313,7 @@ impl Faults {
     }
 }
 
-/// The beginning or the end of an episode, or a change within it.
+/// The beginning or end of an episode, or a change of a supply's voltage within it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Turn {
     /// The episode begins.
@@ -328,20 +329,20 @@ pub enum Turn {
     Ends(Episode),
 }
 
-/// The beginnings, changes and ends of the episodes on one side of the link, in order of time.
+/// The beginnings, changes and ends of episodes, in order of time.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Timeline {
     turns: VecDeque<(u64, Turn)>,
 }
 
 impl Timeline {
-    /// The instant of the next beginning, change or end, ns; `u64::MAX` if there is none.
+    /// Returns the instant of the first entry, ns; `u64::MAX` if there is none.
     #[must_use]
     pub fn next_at(&self) -> u64 {
         self.turns.front().map_or(u64::MAX, |(at, _)| *at)
     }
 
-    /// Adds the turns of the other side's timeline, in order of time.
+    /// Adds the entries of another timeline, in order of time.
     pub fn add(&mut self, other: Self) {
         for (at, turn) in other.turns {
             let place = self.turns.partition_point(|(before, _)| *before <= at);
@@ -349,7 +350,7 @@ impl Timeline {
         }
     }
 
-    /// Takes a beginning, change or end that is due at `now` (ns) or earlier.
+    /// Takes the first entry if it is due at `now` (ns) or earlier.
     pub fn take(&mut self, now: u64) -> Option<Turn> {
         self.turns.pop_front_if(|(at, _)| *at <= now).map(|(_, turn)| turn)
     }

@@ -1,7 +1,7 @@
 //! Faults drawn from a seed.
 //!
-//! Every kind of fault has its own random numbers, so a new kind does not change the episodes of other kinds. The
-//! faults of a kind come in rounds. Each round has all of them in a random order.
+//! Each kind of fault has random numbers of its own, so that a new kind leaves the episodes of the others unchanged.
+//! The faults of a kind are drawn in rounds: a round has each fault once, in a random order.
 
 use std::fmt;
 use std::str::FromStr;
@@ -16,7 +16,7 @@ use gnss_sim::Port;
 /// No episode begins before this instant, ns, so that both boards start undisturbed.
 pub const FIRST_AT: u64 = 300_000_000;
 
-/// The last episode ends this long before the run's end, ns, so that every recovery is observed.
+/// The time, ns, between the end of the last episode and the end of the run. In this time the recovery is observed.
 pub const LAST_BEFORE_END: u64 = 600_000_000;
 
 /// The shortest and longest time from one episode's end to the beginning of the next of the same kind, ns.
@@ -32,21 +32,23 @@ pub const LENGTH: (u64, u64) = (20_000_000, 400_000_000);
 /// The duration, ns, of a fault of the hold. The hold exchanges frames once every 100 ms.
 pub const HOLD_LENGTH: (u64, u64) = (200_000_000, 2_000_000_000);
 
-/// The time from one fault of the hold to the next, ns, in every fourth gap. It is long enough for the judge to judge a
-/// hold that has settled again.
+/// The shortest and the longest time, ns, of every fourth gap between two faults of the hold. In this gap the hold
+/// recovers, and the judge requires all of its functions.
 pub const HOLD_GAP: (u64, u64) = (3_500_000_000, 5_500_000_000);
 
-/// The time from one hostile hold to the next, ns: longer than the last frame of one, so that they do not overlap.
+/// The time, ns, from one episode of a hostile sender to the next. This time is longer than a frame, so that frames of
+/// two episodes do not overlap.
 pub const HOSTILE_GAP: (u64, u64) = (30_000_000, 60_000_000);
 
 /// The duration of a receiver's drift, ns: at its end the receiver's position is wrong by a few tens of metres.
 pub const DRIFT_LENGTH: (u64, u64) = (1_000_000_000, 3_000_000_000);
 
-/// The shortest and the longest jump of one or all receivers, ns. The voter holds a common jump back for a time within
-/// this range.
+/// The shortest and the longest duration of a receiver's wrong position, ns. The voter holds a jump of all receivers
+/// back for a time within this range.
 pub const JUMP_LENGTH: (u64, u64) = (20_000_000, 2_500_000_000);
 
-/// The longest time between the failures of the two boards, ns, where both lose their supply, restart or hang together.
+/// The longest time, ns, between the failures of two boards that both lose their supply, restart or hang in one
+/// episode.
 pub const BETWEEN_BOARDS: u64 = 20_000_000;
 
 /// The time reserved for a hang and the board's restart, ns. HORUS has the slowest watchdog, with 190 ms.
@@ -69,10 +71,10 @@ pub const STARTS: u64 = 20_000_000;
 /// The bit error rate of drawn bit errors on the air: about one frame in five has an error.
 pub const BIT_ERROR: f64 = 1e-4;
 
-/// The largest error that a drift adds to that of an oscillator, parts per billion.
+/// The largest error that a drift adds to the error of an oscillator, parts per billion.
 pub const MAX_DRIFT: u64 = 200_000;
 
-/// The number of sags of each board's supply in a round; each has another course of voltage.
+/// The number of different sags of each board's supply in a round.
 const SAGS: usize = 3;
 
 /// A kind of fault that `--faults` can draw.
@@ -92,13 +94,13 @@ pub enum Kind {
     Flash,
     /// Bits of core registers.
     Registers,
-    /// Bits of the DPR's receive and image buffers, which flip or are stuck during the run.
+    /// Bits that flip or are stuck during the run, in the DPR's receive and image buffers.
     Buffers,
     /// The state inputs of HORUS.
     Inputs,
     /// Boards that hang, dead tasks, and tasks that run although nothing has called them.
     Hang,
-    /// Bits of the registers of either front end's chip, which flip during the run.
+    /// Bits that flip during the run, in the registers of either front end's chip.
     Chips,
     /// The active hold, its sensors, and the air between hold and DPR.
     Hold,
@@ -193,14 +195,13 @@ impl FromStr for Kind {
     }
 }
 
-/// Faults that belong together, each with its delay (ns) after the beginning of the first.
+/// Faults that occur together, each with its delay (ns) after the first.
 type Draw = Vec<(u64, Fault)>;
 
 impl Faults {
-    /// Returns faults of `kinds` for a run of `duration_ns` with `gps` receivers, drawn from `seed`.
+    /// Returns faults of `kinds` for a run of `duration_ns` with `gps` receivers, drawn from `seed`, without upsets.
     ///
-    /// Each kind has at most one episode at a time, except where both boards fail together or several receivers are
-    /// wrong together. Upsets are not drawn, because [`crate::campaign`] tries them.
+    /// A kind has at most one episode at a time, unless faults occur together.
     #[must_use]
     pub fn drawn(kinds: &[Kind], gps: usize, seed: u64, duration_ns: u64) -> Self {
         let mut faults = Self::none();
@@ -244,8 +245,8 @@ impl Faults {
 }
 
 impl Faults {
-    /// Returns a fault of `kind` for a link with `gps` receivers, drawn by `rng`, or several that occur together. The
-    /// first begins at `at` (ns). There is none of a kind that is not drawn into runs.
+    /// Returns one drawn fault of `kind`, or several that occur together, for a link with `gps` receivers. The first
+    /// begins at `at` (ns). Returns no fault for a kind that is not drawn into runs.
     #[must_use]
     pub fn one(kind: Kind, gps: usize, rng: &mut Rng, at: u64) -> Self {
         let mut draws = all_of(kind, gps, rng);
@@ -282,7 +283,7 @@ impl Faults {
         (faults, at)
     }
 
-    /// Removes hangs that begin before a restarted board's watchdog runs, because nothing would end them.
+    /// Removes each hang that begins before the watchdog of a restarted board runs, because nothing would end the hang.
     fn without_hangs_in_starts(&mut self) {
         for board in BOARDS {
             let of_power = |it: &&Episode| starts(&it.fault, board);
@@ -315,7 +316,7 @@ fn lasts(fault: &Fault) -> bool {
     }
 }
 
-/// The shortest and longest duration of faults that occur together, ns.
+/// Returns the shortest and the longest duration of these faults, ns.
 fn length(draw: &Draw) -> (u64, u64) {
     match draw[..] {
         [(_, Fault::Power(..)), (_, Fault::Hang(_))] => START_HANG_LENGTH,
@@ -337,7 +338,7 @@ fn length_of(fault: &Fault) -> (u64, u64) {
     }
 }
 
-/// Returns one round of `kind`, which has every fault of the kind once.
+/// Returns each fault of `kind` once.
 fn all_of(kind: Kind, gps: usize, rng: &mut Rng) -> Vec<Draw> {
     match kind {
         Kind::Air => {
@@ -372,21 +373,20 @@ fn all_of(kind: Kind, gps: usize, rng: &mut Rng) -> Vec<Draw> {
     }
 }
 
-/// Returns every fault of the air, strong enough to be visible in an episode of average length.
+/// Returns faults of the air that have an effect in an episode of average length.
 fn air() -> Vec<AirFaults> {
     let none = AirFaults::default();
     vec![
-        // A frame has about 2000 bits. At this bit error rate about one frame in three arrives whole.
+        // At this bit error rate one frame in three arrives whole.
         AirFaults { bit_error: 5e-4, ..none },
         AirFaults { lost: 0.4, ..none },
-        // The DPR cannot distinguish a carrier without frames from a HORUS that sends nothing.
+        // If every frame is lost, the DPR receives the same as from a HORUS that sends only its carrier.
         AirFaults { lost: 1.0, ..none },
-        // The DPR cannot distinguish a frame that is repeated all the time from a HORUS whose data do not change.
+        // If the frames are frozen, the DPR receives the same as from a HORUS whose data do not change.
         AirFaults { frozen: true, ..none },
         AirFaults { truncated: 0.4, ..none },
         // An object's CRC detects every burst of up to 32 bits. These bursts are twice as long.
         AirFaults { burst: 0.4, burst_bits: 64, ..none },
-        // A frame takes half a cycle, so its repetition comes before the next frame or collides with it.
         AirFaults { repeated: 0.4, repeat_after_ns: (100_000, 12 * MS), ..none },
         // A frame is delayed by a fraction of a cycle, or by up to several cycles.
         AirFaults { delayed: 0.4, delay_ns: (MS, 45 * MS), ..none },
@@ -440,8 +440,8 @@ fn receivers() -> Vec<ReceiverFault> {
     faults
 }
 
-/// Returns faults of several receivers: all jump to the same wrong position or height, or one has a wrong height while
-/// the others measure none.
+/// Returns faults of several receivers: all have the same wrong position, all have the same wrong height, or only one
+/// measures a height, which is wrong.
 fn receivers_together(gps: usize, rng: &mut Rng) -> [Draw; 3] {
     let high = ReceiverFault::Offset { north: 0, east: 0, up: 500 };
     let lone = rng.below(gps as u64) as usize;
@@ -474,7 +474,7 @@ fn buffers(rng: &mut Rng) -> Vec<Draw> {
     draws
 }
 
-/// Returns the faults that restart a board at once.
+/// The faults that restart a board at once.
 const RESTARTS: [PowerFault; 3] = [PowerFault::Pin, PowerFault::BrownOut, PowerFault::Watchdog];
 
 /// Returns every fault of either board's supply and reset, sags, and faults of both boards together in either order.
@@ -503,13 +503,13 @@ fn power(rng: &mut Rng) -> Vec<Draw> {
     draws
 }
 
-/// A drift of the oscillators of each board alone, and of both, each by up to [`MAX_DRIFT`] in either direction.
+/// Returns drifts of HORUS's oscillators, of the DPR's, and of both.
 fn drifts(rng: &mut Rng) -> Vec<Draw> {
     let mut drift = |board| (0, Fault::Drift(board, rng.between(0, 2 * MAX_DRIFT) as i64 - MAX_DRIFT as i64));
     vec![vec![drift(Board::Horus)], vec![drift(Board::Dpr)], BOARDS.map(drift).into()]
 }
 
-/// Hangs of each board, of both in either order, and of each during its start; and a dead task of each board.
+/// Returns hangs of each board, of both boards, and of each during its start, and faults of the boards' tasks.
 fn hangs(rng: &mut Rng) -> Vec<Draw> {
     let mut draws: Vec<Draw> = BOARDS.map(|board| vec![(0, Fault::Hang(board))]).into();
     for [first, second] in [[Board::Horus, Board::Dpr], [Board::Dpr, Board::Horus]] {
@@ -517,13 +517,13 @@ fn hangs(rng: &mut Rng) -> Vec<Draw> {
     }
     for board in BOARDS {
         let restart = RESTARTS[rng.below(RESTARTS.len() as u64) as usize];
-        // Half of the hangs in a start begin at once, within 10 µs.
+        // Half of the hangs in a start begin within 10 µs of the reset.
         let latest = if rng.below(2) == 0 { 10_000 } else { STARTS };
         let hangs = rng.between(WATCHDOG_STARTS, latest);
         draws.push(vec![(0, Fault::Power(board, restart)), (hangs, Fault::Hang(board))]);
         let task = rng.below(tasks_of(board).len() as u64);
         draws.push(vec![(0, Fault::DeadTask(board, task as u8))]);
-        // One of them is a step of the board's cycle.
+        // One of the two tasks is a step of the board's cycle.
         let tasks = || 0..tasks_of(board).len() as u8;
         let steps: Vec<u8> = tasks().filter(|task| is_step(board, *task)).collect();
         for among in [steps, tasks().collect()] {
@@ -628,8 +628,8 @@ mod tests {
         }
     }
 
-    /// Returns the shares, in per cent, of ten drawn minutes in which the hold must send, in which the DPR must show
-    /// and answer, and in which Hold-Status must agree with the payload.
+    /// Returns for how many per cent of ten drawn minutes the judge requires each of three things: that the hold sends,
+    /// that the DPR shows and answers, and that Hold-Status agrees with the payload.
     fn judged(kinds: &[Kind], seed: u64) -> [u64; 3] {
         const STEP: u64 = 10_000_000;
         let (mut calm, mut judged) = (Calm::default(), [0; 3]);
@@ -650,8 +650,7 @@ mod tests {
     #[test]
     fn the_duties_of_the_hold_are_judged_in_a_drawn_run() {
         for seed in 1..4 {
-            // The hold never sends undisturbed beside a hostile one, and glitches of the DPR's SPI fill the little time
-            // in which all other kinds leave the DPR alone.
+            // These two kinds are left out, so that there is time in which the hold and the DPR are undisturbed.
             let most: Vec<Kind> =
                 Kind::ALL.into_iter().filter(|kind| !matches!(kind, Kind::Hostile | Kind::Spi)).collect();
             let (alone, all) = (judged(&[Kind::Hold], seed), judged(&most, seed));
@@ -760,7 +759,6 @@ mod tests {
             let alone = |at: u64| episodes.iter().filter(|other| other.at.abs_diff(at) <= BETWEEN_BOARDS).count() == 1;
             assert!(episodes.iter().any(|episode| episode.fault == fault && alone(episode.at)), "{board:?} alone");
         }
-        // Before a board hangs again, it has restarted and its watchdog runs.
         let hangs: Vec<_> = episodes.iter().filter(|it| matches!(it.fault, Fault::Hang(_))).cloned().collect();
         for pair in hangs.windows(2).filter(|pair| !together(pair)) {
             assert!(pair[1].at - pair[0].at >= HANG_LENGTH.0 + GAP.0, "{pair:?}");
@@ -785,7 +783,7 @@ mod tests {
         }
         assert!(left(PowerFault::FrontEndOff, hang(900, Board::Dpr)));
         assert!(left(PowerFault::CrystalDead, hang(900, Board::Dpr)));
-        // If a board starts several times, its last start counts.
+        // The last start of the board before a hang decides whether that hang stays.
         let mut faults = Faults::none();
         for at in [100, 2 * WATCHDOG_STARTS, 9 * WATCHDOG_STARTS] {
             faults.add(Episode { at, until: at, fault: Fault::Power(Board::Dpr, PowerFault::Pin) });
@@ -809,7 +807,7 @@ mod tests {
         assert_eq!(dead.len(), BOARDS.into_iter().map(|board| tasks_of(board).len()).sum::<usize>(), "{dead:?}");
     }
 
-    /// A kind's number is part of the seed of its draws. Another number would invalidate published figures.
+    /// The seed of a kind's draws contains the kind's number. Published figures depend on these numbers.
     #[test]
     fn the_kinds_keep_the_numbers_that_their_draws_are_seeded_by() {
         let numbers = Kind::ALL.map(|kind| kind as u64);

@@ -22,8 +22,8 @@ pub enum PowerFault {
     /// The watchdog resets the microcontroller, even if it is fed. RAM and the front end's registers keep their
     /// contents.
     Watchdog,
-    /// The crystal is dead: HORUS's stops at once, the DPR's fails to start. If the board cannot start without its
-    /// crystal, its pin resets it at the episode's end.
+    /// The crystal is dead: HORUS's stops at once, the DPR's fails to start. A board that cannot start without its
+    /// crystal is reset by its pin at the episode's end.
     CrystalDead,
     /// The supply sags and recovers in a [`shape`] that this seed determines.
     Sag(u64),
@@ -67,8 +67,8 @@ impl PowerFault {
 
 /// Returns the voltages of a sagging supply, µV, each with its time from the beginning of the sag, ns.
 ///
-/// The voltage changes one to four times: to zero, to a voltage between the supervisors' thresholds, or to any voltage.
-/// A last change leads back. A change takes 1, 10 or 100 ms, either as a ramp in steps of at most 20 mV or as one step.
+/// The voltage goes one to four times to zero, to a voltage between the supervisors' thresholds, or to any other, and
+/// then back. A change takes 1, 10 or 100 ms, in steps of at most 20 mV or in one step.
 #[must_use]
 pub fn shape(seed: u64) -> Vec<(u64, u32)> {
     const STEP_UV: u32 = 20_000;
@@ -89,7 +89,7 @@ pub fn shape(seed: u64) -> Vec<(u64, u32)> {
         for step in 1..=steps {
             let part = i64::from(step) * (i64::from(to) - i64::from(volts)) / i64::from(steps);
             let reached = (i64::from(volts) + part) as u32;
-            // A voltage that changes in one step changes at once, and then stays the same for the rest of the time.
+            // If the voltage changes in one step, that step comes at the beginning of the time.
             let after = if steps == 1 { 0 } else { takes * u64::from(step) / u64::from(steps) };
             shape.push((at + after, reached));
         }

@@ -32,7 +32,7 @@ impl Rng {
         ((u128::from(self.word()) * u128::from(n)) >> 64) as u64
     }
 
-    /// A uniform number from `least` to `most`.
+    /// A uniform number from `least` to `most`, both included.
     pub fn between(&mut self, least: u64, most: u64) -> u64 {
         least + self.below((most - least).saturating_add(1))
     }

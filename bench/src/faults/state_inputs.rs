@@ -6,7 +6,7 @@ pub const INPUTS: usize = 3;
 /// The names of the state inputs, the input of the least severe state first.
 const NAMES: [&str; INPUTS] = ["relay", "motor cut", "emergency measure"];
 
-/// The levels of a state input's pins during an episode. Without a fault the input is inactive.
+/// The state of a pair of pins during an episode. Without a fault the pins say that the input is inactive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InputFault {
     /// The input is active, which is not a fault in itself.
@@ -20,7 +20,7 @@ pub enum InputFault {
 }
 
 impl InputFault {
-    /// Returns all faults of a state input. In one the contact chatters faster than the cycle, in another slower.
+    /// All faults of a state input. The contact chatters once faster and once slower than HORUS's cycle.
     pub const ALL: [Self; 5] =
         [Self::Active, Self::BothHigh, Self::BothLow, Self::Chatters(3_700_000), Self::Chatters(13_000_000)];
 
@@ -36,7 +36,7 @@ impl InputFault {
         format!("{} {what}", NAMES.get(input).unwrap_or(&"no input"))
     }
 
-    /// Returns the levels of both pins at the fault's beginning. The first pin is high while the input is active.
+    /// Returns the levels of both pins at the beginning of the fault. The first pin is high while the input is active.
     #[must_use]
     pub const fn levels(self) -> (bool, bool) {
         match self {

@@ -52,8 +52,8 @@ pub enum Upset {
     },
 }
 
-/// The core's registers in which bits flip, each with the mask of the bits that it has: R0 to R15, the program status,
-/// the masks of exceptions, CONTROL, the stack pointers, and the registers of the floating-point unit.
+/// The core's registers in which bits flip, each with the mask of its bits: R0 to R15, the program status register, the
+/// exception masks, CONTROL, the stack pointers, and the floating-point registers.
 pub const CORE_REGISTERS: [(Register, u32); 56] = {
     let mut all = [(Register::Fpscr, 0xF7C0_009F); 56];
     let mut number = 0;
@@ -225,7 +225,7 @@ impl std::fmt::Display for Upset {
     }
 }
 
-/// The addresses at which the parts have the registers of peripherals, and the core its own.
+/// The addresses of peripheral registers in both microcontrollers, and of the core's own registers.
 const REGISTERS: [Range<u32>; 5] = [
     0x4000_0000..0x4003_0000,
     0x4003_0000..0x4003_0010,
@@ -234,8 +234,8 @@ const REGISTERS: [Range<u32>; 5] = [
     0xE000_E000..0xE000_F000,
 ];
 
-/// Returns a bit of a register that keeps what is written: a flip of it can be read back. Addresses and bits are drawn
-/// until one does, on a copy of `node`.
+/// Draws addresses and bits until one is a bit of a register that can be written and read back. All attempts are made
+/// on a copy of `node`.
 fn a_stored_bit<B: Board, C: Cost>(rng: &mut Rng, node: &Node<B, C>) -> Option<Upset> {
     const TRIES: usize = 20_000;
     let mut copy = node.clone();
@@ -263,10 +263,10 @@ fn a_bit(rng: &mut Rng, ranges: &[Range<u32>]) -> Option<(u32, u8)> {
     None
 }
 
-/// The memory that a firmware uses. An upset of other memory would have no effect.
+/// The memory that a firmware uses, in which an upset may have an effect.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Targets {
-    /// The ranges of RAM: the statics, with the buffers of the DMA controllers, and the stack in use.
+    /// The ranges of RAM with the statics, the buffers of the DMA controllers, and the stack in use.
     pub ram: Vec<Range<u32>>,
     /// The ranges of flash that hold the program and its CRC.
     pub flash: Vec<Range<u32>>,
@@ -348,7 +348,7 @@ mod tests {
             let before = values(&node);
             Upset::Register { number, bit }.apply(&mut node).unwrap();
             assert_eq!(node.core_register(register), before[usize::from(number)] ^ 1 << bit, "{register:?}");
-            // One of MSP and PSP is R13, and CONTROL says which.
+            // R13 is MSP or PSP, depending on CONTROL.
             let is_alone = |other: Register| !matches!(other, Register::R(13) | Register::Msp | Register::Psp);
             for ((other, _), (was, is)) in CORE_REGISTERS.into_iter().zip(before.into_iter().zip(values(&node))) {
                 assert!(other == register || !is_alone(other) || was == is, "{other:?} after an upset of {register:?}");

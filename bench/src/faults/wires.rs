@@ -1,7 +1,7 @@
 //! Faults of the wires between the boards and the world.
 //!
-//! [`Wires`] takes the signal that one end of a wire sends and returns what the other end receives. For the listener's
-//! antenna it only determines whether the antenna answers.
+//! [`Wires`] takes the signal at one end of a wire and returns that at the other end. For the listener's antenna it
+//! only states whether the antenna answers.
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -35,13 +35,14 @@ pub enum WireFault {
         /// The bit's number, 0 (the least significant) to 7.
         bit: u8,
     },
-    /// MISO repeats the bytes of an earlier transaction: the latest that ended at least this long before. After the
-    /// last repeated byte MISO carries what the DPR sends.
+    /// MISO repeats the bytes of an earlier transaction: the latest one that ended at least this long before. Bytes
+    /// beyond the end of that transaction stay as they are.
     MisoReplay {
         /// The least age of the repeated transaction, ns; at most [`HISTORY_NS`].
         age_ns: u64,
     },
-    /// MISO repeats the bytes of the preceding transaction from a certain byte on, as far as that transaction has any.
+    /// From a certain byte on, MISO repeats the bytes of the preceding transaction. Bytes beyond the end of that
+    /// transaction stay as they are.
     MisoSplice {
         /// The index of the first byte that is repeated, from 0.
         at_byte: usize,
@@ -53,7 +54,7 @@ pub enum WireFault {
         /// The object whose bytes read 0x00: 0 for Reported-Position, n for GPSn.
         object: usize,
     },
-    /// The line hangs in a bridge: every transaction repeats the last one before the fault.
+    /// A bridge in the SSI hangs: every transaction repeats the last one before the fault.
     MisoFrozen,
     /// Bits of an object or of Link-Status are inverted and its CRC is corrected, as a bridge in the line could do.
     MisoForged {
@@ -64,7 +65,7 @@ pub enum WireFault {
         /// The inverted bits.
         bits: u8,
     },
-    /// Bits of an object are inverted and its CRC is corrected. The object is in the map, but behind the image.
+    /// Bits of an object behind the image in the map are inverted, and the object's CRC is corrected.
     MisoForgedPort {
         /// The changed object: 0 for Port-Status, 1 for the uplink of the base station, 2 for that of the flight
         /// controller, 3 for that of the hold.
@@ -84,20 +85,19 @@ pub enum WireFault {
     RadioBit,
     /// The second half of each profile on the radio is the second half of the profile before.
     RadioMix,
-    /// Every receiver has this fault. The log does not say that a receiver has one.
+    /// Every receiver has this fault, and the event log does not mention it.
     Sky(ReceiverFault),
     /// The flight controller keeps flying by the last position and ignores the client's report.
     ClientKeeps,
-    /// The flight controller treats every sample as new.
+    /// The flight controller takes the age of every sample to be zero.
     ClientYoung,
-    /// The flight controller does not get the client's position.
+    /// The flight controller ignores the position that the client reports.
     ClientBlind,
     /// The flight controller forwards nothing.
     ClientMute,
 }
 
-/// The time from a pulse or tick to the additional one, ns. At this distance the additional one falls between two
-/// publications.
+/// The time from a pulse of FRESH or a tick to an additional one, ns, so that it falls between two publications.
 pub const GLITCH_AFTER_NS: u64 = 3_000_000;
 
 /// The length of an additional pulse of FRESH, ns.
@@ -230,7 +230,7 @@ impl Wires {
     }
 
     /// Changes the bytes of a transaction that ended at `at` (ns) to those that the flight controller receives. `miso`
-    /// has the bytes that the DPR sent, of which the first is the image's byte at `offset`.
+    /// has the bytes that the DPR sent. The first of them is the image's byte at `offset`.
     pub fn miso(&mut self, at: u64, offset: usize, miso: &mut [u8]) {
         let sent = miso.to_vec();
         for fault in &self.faults {
@@ -287,8 +287,8 @@ impl Wires {
             self.faults.iter().map(|fault| if let WireFault::FreshLate(ns) = fault { *ns } else { 0 }).sum();
         let mut seen = vec![];
         let stuck = self.faults.contains(&WireFault::FreshStuck);
-        // If FRESH's wire breaks during a pulse, it completes the pulse. If it is mended during a pulse, it leaves the
-        // pulse out.
+        // A wire that breaks during a pulse completes the pulse. A wire that is mended during a pulse leaves the pulse
+        // out.
         if level != self.fresh && !(level && stuck) {
             self.fresh = level;
             seen.push((at + late, level));
@@ -371,7 +371,7 @@ fn overwrite(miso: &mut [u8], from: usize, old: Option<&Sent>) {
     miso.iter_mut().zip(old).skip(from).for_each(|(byte, old)| *byte = *old);
 }
 
-/// Inverts `bits` of a byte of the object at `place` and corrects its CRC, if `miso` has the whole object.
+/// Inverts `bits` of one byte of the object at `place` and corrects the object's CRC, if the object is whole.
 fn forge(offset: usize, miso: &mut [u8], place: Option<Range<usize>>, (byte, bits): (usize, u8)) {
     let place = place.and_then(|place| Some(place.start.checked_sub(offset)?..place.end - offset));
     let Some((covered, seal)) = place.and_then(|place| miso.get_mut(place)?.split_last_chunk_mut()) else { return };
@@ -397,7 +397,6 @@ mod tests {
         wires
     }
 
-    /// Returns an image in which every byte of an object is the object's number, from 1. Link-Status is zero.
     fn image() -> Vec<u8> {
         let layout = Layout::for_receivers(3).unwrap();
         let mut image = vec![0; layout.image_len()];

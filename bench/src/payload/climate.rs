@@ -22,15 +22,16 @@ pub struct Air {
 /// The payload box, with its heater and cooler.
 #[derive(Clone, Debug)]
 pub struct Climate {
-    /// The heat capacity, J/K. The next field is the heat loss, W/K.
+    /// The heat capacity of the box and its load, J/K.
     capacity: f64,
+    /// The heat that the walls pass, W/K.
     loss: f64,
     /// The temperature of the surroundings, °C.
     surroundings: f64,
     /// The pressure of the vapour in the box, hPa.
     vapour: f64,
     temperature: f64,
-    /// The instant, ns, for which the temperature and the vapour pressure hold.
+    /// The instant, ns, to which the temperature and the vapour pressure belong.
     at: u64,
     heats: bool,
     cools: bool,
@@ -98,13 +99,13 @@ impl Climate {
         Air { temperature: self.temperature, humidity }
     }
 
-    /// The last instant, ns, at which the heater was on, up to the last call that advanced the box.
+    /// Returns the last instant, ns, at which the heater was on. The box must have been advanced to the present.
     #[must_use]
     pub fn heated(&self) -> Option<u64> {
         self.heated
     }
 
-    /// How long heater and cooler were on, ns, from the last call to `at` (ns).
+    /// Returns the times, ns, for which heater and cooler were on from the last call to `at` (ns).
     pub fn take_on(&mut self, at: u64) -> [u64; 2] {
         self.advance(at);
         std::mem::take(&mut self.on)

@@ -52,7 +52,7 @@ const NOISE: f64 = 220e-6 * GRAVITY;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
     Idle,
-    /// The sensor waits for the register's address.
+    /// The sensor was addressed for a write and waits for the address of a register.
     Address,
     Write,
     Read,
@@ -65,7 +65,7 @@ struct Sampling {
     first: u64,
     /// The time from one sample to the next, ns.
     period: u64,
-    /// The sampling's bandwidth: its -3 dB point, Hz.
+    /// The bandwidth of the samples up to the -3 dB point, Hz.
     bandwidth: f64,
 }
 
@@ -85,13 +85,14 @@ pub struct Lis3dh {
     ready_at: u64,
     /// The present sampling; `None` in power-down.
     sampling: Option<Sampling>,
-    /// The number of samples taken when the FIFO was last empty.
+    /// The number of all samples taken up to the instant at which the FIFO was last empty.
     fifo_from: u64,
     /// The number of samples that were read from the FIFO since it was last empty.
     taken: u64,
     /// For each axis, the number of the last sample of which bytes were read, plus one.
     seen: [u64; 3],
-    /// For each axis, the sample whose bytes are being read, while BDU keeps it from changing.
+    /// For each axis, the sample of which one byte was read. BDU keeps that sample unchanged until its second byte is
+    /// read.
     kept: [Option<[u8; 2]>; 3],
     sample_byte: Option<bool>,
     misuse: Option<String>,
@@ -128,7 +129,7 @@ impl Lis3dh {
         self.misuse.take()
     }
 
-    /// Restarts the sensor, since its supply came on at `at` (ns).
+    /// Restarts the sensor, because its supply came on at `at` (ns).
     pub fn power_on(&mut self, at: u64) {
         self.registers = [0; 0x40];
         for (register, value) in [(WHO_AM_I, 0x33), (CTRL_REG0, 0x10), (CTRL_REG1, 0x07)] {
@@ -152,7 +153,7 @@ impl Lis3dh {
         self.misuse.get_or_insert(text);
     }
 
-    /// Answers `event` of the controller, which ended at `at` (ns). The sensor measures `vibration`.
+    /// Answers the controller's `event`, which ended at `at` (ns). The sensor measures `vibration`.
     pub fn act(&mut self, at: u64, event: I2cEvent, vibration: &Vibration) -> I2cAnswer {
         let yes = I2cAnswer { acknowledged: true, ..I2cAnswer::NOBODY };
         match event {
@@ -200,7 +201,6 @@ impl Lis3dh {
         }
     }
 
-    /// Writes `value` to `register` at `at` (ns).
     fn store(&mut self, at: u64, register: u8, value: u8) {
         let bits = |bits: u8| value & bits != 0;
         let odd = match register {
@@ -229,7 +229,7 @@ impl Lis3dh {
                     (self.fifo_from, self.taken) = (self.samples(at), 0);
                 }
                 if register == CTRL_REG5 && bits(0x80) {
-                    // BOOT reloads the factory's calibration. The control registers keep their values.
+                    // BOOT reloads the calibration, but leaves the control registers as they are.
                     self.ready_at = at + BOOTS;
                     self.registers[usize::from(register)] &= 0x7F;
                 }
@@ -238,7 +238,6 @@ impl Lis3dh {
         }
     }
 
-    /// Begins to sample with the present settings at `at` (ns).
     fn plan(&mut self, at: u64) {
         let low_power = self.value(CTRL_REG1) & 0x08 != 0;
         let high_resolution = self.value(CTRL_REG4) & 0x08 != 0;
@@ -266,7 +265,6 @@ impl Lis3dh {
         (self.fifo_from, self.taken, self.seen, self.kept) = (0, 0, [0; 3], [None; 3]);
     }
 
-    /// Returns the number of samples that were taken by `at` (ns).
     fn samples(&self, at: u64) -> u64 {
         self.sampling.map_or(0, |it| at.checked_sub(it.first).map_or(0, |since| since / it.period + 1))
     }
@@ -275,7 +273,7 @@ impl Lis3dh {
         self.value(CTRL_REG5) & 0x40 != 0 && self.value(FIFO_CTRL_REG) >> 6 != 0
     }
 
-    /// Returns the number of the oldest sample in the FIFO, and the number after that of the newest one.
+    /// Returns the number of the oldest sample in the FIFO, and the number that follows the newest sample's.
     fn fifo(&self, at: u64) -> (u64, u64) {
         let (oldest, end) = (self.fifo_from + self.taken, self.samples(at));
         if self.value(FIFO_CTRL_REG) >> 6 == 1 {
@@ -314,7 +312,6 @@ impl Lis3dh {
         }
     }
 
-    /// Reads byte `place` of the output registers at `at` (ns).
     fn output(&mut self, at: u64, place: usize, vibration: &Vibration) -> u8 {
         let (axis, high) = (place / 2, place % 2);
         if self.has_fifo() {
@@ -390,7 +387,6 @@ mod tests {
         bytes
     }
 
-    /// Returns a sensor that has had these values in CTRL_REG1 and CTRL_REG4 since 10 ms.
     fn set_up(rate: u8, mode: u8) -> Lis3dh {
         let mut sensor = Lis3dh::new(4);
         write(&mut sensor, 10 * MS, CTRL_REG4, &[mode]);

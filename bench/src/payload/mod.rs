@@ -1,5 +1,5 @@
-//! The surroundings of the active hold: the payload box that it keeps, and the sensors on its I2C bus. Each is written
-//! from its data sheet.
+//! The surroundings of the active hold: the payload box that it keeps, and the sensors on its I2C bus. Each sensor's
+//! model is written from the sensor's data sheet.
 //!
 //! | file | what |
 //! |---|---|
@@ -40,7 +40,7 @@ pub struct Payload {
     sent: Vec<u8>,
     measured: Option<u64>,
     lis3dh: Lis3dh,
-    /// The sensor that does not answer. The next field is the sensor that sends random bytes.
+    /// The sensor that does not answer on the bus.
     silent: Option<Sensor>,
     lies: Option<(Sensor, Rng)>,
     /// Whether SDA is held low.
@@ -101,12 +101,12 @@ impl Payload {
         self.silent = sensor;
     }
 
-    /// Makes this sensor send random bytes from now on, of which the number is the seed; `None` ends the fault.
+    /// Makes a sensor send random bytes from now on; the number determines the bytes. `None` ends the fault.
     pub fn make_lie(&mut self, sensor: Option<(Sensor, u64)>) {
         self.lies = sensor.map(|(sensor, seed)| (sensor, Rng::new(seed)));
     }
 
-    /// Holds SDA low from now on, or releases it.
+    /// Pulls SDA low from now on, or releases it.
     pub fn hold_sda(&mut self, low: bool) {
         self.stuck = low;
     }

@@ -11,8 +11,8 @@
 //! | ready 1 ms after its supply, a soft reset or a general call reset | table 4, 4.7 |
 //! | repeatability 0.04, 0.07, 0.1 °C and 0.08, 0.15, 0.25 %, each three standard deviations | tables 1, 2 |
 //!
-//! The model leaves out the heater, whose commands are reported as misuse, and the sensor's own time constant, which is
-//! shorter than the box's.
+//! The model leaves out the heater and the sensor's own time constant. The heater's commands are reported as misuse.
+//! The sensor's time constant is shorter than the box's.
 
 use emulator_part::{I2cAnswer, I2cEvent};
 
@@ -38,11 +38,11 @@ const fn measurement(command: u8) -> Option<(u64, f64, f64)> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
     Idle,
-    /// The sensor has acknowledged that it is addressed for a write, and waits for the command.
+    /// The sensor was addressed for a write and waits for the command.
     Command,
     /// The controller addressed the general call.
     GeneralCall,
-    /// The controller reads. The number is the index of the next byte to send.
+    /// The sensor was addressed for a read. The number is the index of the next byte to send.
     Read(usize),
 }
 
@@ -73,7 +73,7 @@ impl Sht4x {
         self.misuse.take()
     }
 
-    /// Restarts the sensor, since its supply came on at `at` (ns).
+    /// Restarts the sensor, because its supply came on at `at` (ns).
     pub fn power_on(&mut self, at: u64) {
         (self.state, self.data, self.ready_at) = (State::Idle, None, at + STARTS);
     }
@@ -115,14 +115,14 @@ impl Sht4x {
         }
     }
 
-    /// Ends a transfer. A result that was read is gone.
+    /// Ends a transfer. A result that the controller has read is discarded.
     fn close(&mut self) {
         if let State::Read(_) = std::mem::replace(&mut self.state, State::Idle) {
             self.data = None;
         }
     }
 
-    /// Begins to carry out `command`. Returns whether the sensor knows the command.
+    /// Carries out `command`. Returns whether the sensor has such a command.
     fn obey(&mut self, at: u64, command: u8, air: impl FnOnce() -> Air) -> bool {
         match command {
             0x89 => {
@@ -158,7 +158,7 @@ fn words(first: [u8; 2], second: [u8; 2]) -> [u8; 6] {
     [a, b, crc(first), c, d, crc(second)]
 }
 
-/// Whether `bytes` are the six of a measurement, each word with its CRC.
+/// Whether `bytes` are the six bytes of a measurement, each word with its CRC.
 pub(super) fn is_measurement(bytes: &[u8]) -> bool {
     let is_right = |word: &[u8]| crc([word[0], word[1]]) == word[2];
     bytes.len() == 6 && bytes.chunks(3).all(is_right)

@@ -8,7 +8,7 @@ use crate::faults::Rng;
 /// Standard gravity, m/s².
 pub const GRAVITY: f64 = 9.80665;
 
-/// The vibration is divided into periods of this length, ns, each with at most one shock.
+/// The vibration has at most one shock in each period of this length, ns.
 const PIECE: u64 = 4_000_000_000;
 /// The time at the beginning of each [`PIECE`] in which no shock comes, ns.
 const CALM: u64 = 2_000_000_000;
@@ -71,8 +71,8 @@ impl Vibration {
         Some(Shock { at, length, peak })
     }
 
-    /// Returns the acceleration at `at` (ns) along x, y, z, m/s², behind a low-pass filter of first order with the -3
-    /// dB point at `bandwidth` (Hz). A payload at rest measures gravity along z.
+    /// Returns the acceleration at `at` (ns) along x, y, z, m/s², behind a first-order low-pass filter with its -3 dB
+    /// point at `bandwidth` (Hz). A payload at rest measures gravity along z.
     #[must_use]
     pub fn acceleration(&self, at: u64, bandwidth: f64) -> [f64; 3] {
         let passes = |hertz: f64| 1.0 / (hertz / bandwidth).hypot(1.0);
@@ -96,8 +96,8 @@ impl Vibration {
         sum
     }
 
-    /// Returns the root mean square along x, y, z, m/s², behind a low-pass filter with this -3 dB point (Hz). Gravity
-    /// and shocks do not count.
+    /// Returns the root mean square of the vibration along x, y, z, m/s², behind a low-pass filter with its -3 dB point
+    /// at `bandwidth` (Hz). Gravity and shocks do not count.
     #[must_use]
     pub fn rms(&self, bandwidth: f64) -> [f64; 3] {
         [0, 1, 2].map(|axis| {

@@ -17,7 +17,8 @@ type Chart<'a> = ChartContext<'a, SVGBackend<'a>, Cartesian2d<RangedCoordf64, Ra
 const WIDTH: u32 = 1_000;
 const TRACK_HEIGHT: u32 = 720;
 const PANEL_HEIGHT: u32 = 280;
-/// The greatest number of points of a line. A line in the picture has fewer pixels than this.
+/// The greatest number of points of a line. More points would not be visible, because a line has fewer pixels than
+/// this.
 const MOST_POINTS: usize = 2_000;
 const LEAST_M: f64 = 20.0;
 
@@ -29,7 +30,8 @@ pub(super) struct Drawn {
     pub(super) latency_ms: Option<f64>,
 }
 
-/// The colours of Reported-Position and GPS1 to GPS5, by Okabe and Ito, which colour-blind readers can distinguish.
+/// The colours of Reported-Position and GPS1 to GPS5. They are by Okabe and Ito, and colour-blind readers can
+/// distinguish them.
 const COLOURS: [RGBColor; 1 + profile::MAX_RECEIVERS] = [
     RGBColor(0x00, 0x00, 0x00),
     RGBColor(0x00, 0x72, 0xB2),
@@ -158,7 +160,7 @@ fn ground_track(area: &Panel<'_>, receivers: usize, cycles: &[Drawn]) -> Result<
     let all = || cycles.iter().flat_map(|cycle| cycle.said.iter().take(1).flatten().chain(&cycle.truth));
     let north = range(all().map(|place| place[0]), LEAST_M);
     let east = range(all().map(|place| place[1]), LEAST_M);
-    // Both axes must have the same scale. The chart has about this width and height.
+    // Both axes get the same scale for a chart of about this size.
     let (width, height) = (f64::from(WIDTH) - 86.0, f64::from(TRACK_HEIGHT) - 86.0);
     let metres = ((north.end - north.start) / height).max((east.end - east.start) / width);
     let around = |range: &Range<f64>, pixels: f64| {
@@ -229,8 +231,7 @@ fn excluded(cycles: &[Drawn], receiver: usize) -> Vec<Range<f64>> {
     spans
 }
 
-/// Draws the time from sample to readable. Of several cycles in one point the longest time is drawn, so that no long
-/// time is hidden.
+/// Draws the time from sample to readable. A point that stands for several cycles has the longest of their times.
 fn readable(area: &Panel<'_>, cycles: &[Drawn]) -> Result<(), Error> {
     let x = range(cycles.iter().map(|cycle| cycle.seconds), 0.1);
     let group = cycles.len().div_ceil(MOST_POINTS).max(1);

@@ -8,7 +8,7 @@ use bench_judge::{Event, What};
 use gnss_sim::{Flight, Geodetic, TangentPlane};
 use profile::{GpsValues, Layout, MAX_RECEIVERS, ReportedValues};
 
-/// The longest time from a frame's end until FRESH rises for its cycle, ns. A later rise belongs to another cycle.
+/// The longest time from a frame's end to the rise of FRESH for its cycle, ns.
 const READABLE_WITHIN: u64 = 5_000_000;
 
 /// A position relative to the picture's origin: metres north, east and up.
@@ -126,7 +126,6 @@ mod tests {
 
     const MS: u64 = 1_000_000;
 
-    /// Returns the event of a frame with one receiver's objects, sent after the tick at `tick`.
     fn sent(tick: u64, latitude: f64, excluded: bool) -> Event {
         let reported = ReportedValues {
             status: ReportedStatus::new().with_position_valid(true),

@@ -49,7 +49,7 @@ pub struct Air {
 /// The figures of the DPR, from its own counters.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Dpr {
-    /// The instant of the DPR's last start, ns. The next five fields count from that start.
+    /// The instant of the DPR's last start, ns, from which the DPR's counters count.
     pub since_ns: u64,
     /// The number of objects that passed CRC, identifier and freshness.
     pub objects_accepted: u64,
@@ -65,7 +65,7 @@ pub struct Dpr {
     pub load: f64,
 }
 
-/// The time until the flight controller can read the data.
+/// The times until the flight controller can read new data.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Latency {
     /// The time from the objects' timestamp until the next transaction could read their image, ns.
@@ -96,8 +96,8 @@ pub struct Ssi {
 pub struct Reported {
     /// The number of HORUS's cycles whose Reported-Position was read with a valid position.
     pub valid_cycles: u64,
-    /// The instant, ns, of the first transaction after the last one that read a valid position; `None` if there is
-    /// none.
+    /// The instant, ns, at which the run's final transactions without a valid position began; `None` if the last
+    /// transaction read a valid position.
     pub invalid_since_ns: Option<u64>,
     /// The instant, ns, at which each receiver's last valid position had arrived at HORUS; `None` without a valid
     /// position.

@@ -38,12 +38,13 @@ pub(super) struct BoardEvents {
     side: Side,
     events: Vec<Event>,
     restarts: usize,
-    /// Whether the firmware must stop: since its start the supply supervisor has warned it of a falling supply.
+    /// Whether the supply supervisor has warned the firmware of a falling supply since the last start. The firmware
+    /// must then stop.
     warned: bool,
     /// Whether the board last started without the crystal that its firmware needs.
     without_crystal: bool,
     findings: usize,
-    /// The original contents of memory, which are restored when a fault of the program ends.
+    /// For each fault of the program, the original contents of memory, which are restored at the fault's end.
     repairs: Vec<(Fault, Repair)>,
 }
 
@@ -113,7 +114,7 @@ impl BoardEvents {
     /// Begins, changes or ends an episode of a fault of this board: supply, core, front-end chip, memory or program.
     pub(super) fn turn<B: Powered, C: Cost>(&mut self, node: &mut Node<B, C>, turn: &Turn) {
         let now = node.now();
-        // Restarts before this episode were not caused by it, so they are recorded as unexpected.
+        // Earlier restarts are recorded first, because this episode did not cause them.
         self.watch(node);
         let powered = node.is_powered();
         match turn {
@@ -121,8 +122,8 @@ impl BoardEvents {
                 if let Fault::DeadTask(_, task) = episode.fault {
                     match interrupt_of(self.side, task) {
                         Some(line) if node.switch_interrupt_off(line) => self.injected(now, episode),
-                        // A start enables the interrupt, so a task whose interrupt is not enabled yet would not stay
-                        // dead.
+                        // The firmware has not enabled the task's interrupt yet. An interrupt that is switched off now
+                        // would be enabled during the start, so the task would not be dead.
                         Some(_) => {}
                         None => self.note(now, no_task(self.side, task)),
                     }
@@ -130,7 +131,8 @@ impl BoardEvents {
                 }
                 if let Fault::Spurious(_, task) = episode.fault {
                     match interrupt_of(self.side, task) {
-                        // A call that a task gets before it begins covers a spurious interrupt: the task runs once.
+                        // The interrupt is raised only if the task then begins at once. Otherwise a later call of the
+                        // task could hide this additional run.
                         Some(line)
                             if node.is_ready_for_interrupts() && !node.is_hung() && node.raise_interrupt(line) =>
                         {
@@ -141,7 +143,6 @@ impl BoardEvents {
                                 self.note(now, What::Warned { board: self.side });
                             }
                         }
-                        // The firmware has not enabled the interrupt yet, or the task would not begin at once.
                         Some(_) => {}
                         None => self.note(now, no_task(self.side, task)),
                     }
@@ -185,7 +186,8 @@ impl BoardEvents {
                 Fault::Power(_, power) => {
                     power.end(node);
                     self.note_crystal(now, *power, true);
-                    // A firmware that waits for the crystal would go on with its start once the crystal works.
+                    // The firmware waits for its crystal. It must not go on when the crystal works again, so the board
+                    // is reset.
                     if matches!(power, PowerFault::CrystalDead) && self.without_crystal {
                         node.restart(FromOutside::Pin);
                     }

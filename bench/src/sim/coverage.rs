@@ -8,7 +8,7 @@ use cortex_m4::{Cost, Fast};
 
 use super::{Bench, Error, Setup};
 
-/// The records of one pair of images, or of three with a hold. Several runs may share them.
+/// Records of the code that boards execute, one for each firmware image. Several runs may share them.
 #[derive(Clone, Debug)]
 pub struct Records {
     /// The record of HORUS's image.

@@ -1,4 +1,4 @@
-//! Runs the whole link with a debugger at one board. The run halts when that board halts.
+//! Runs the whole link with a debugger at one board. When that board halts, the whole run halts.
 
 use std::io::Write;
 
@@ -11,8 +11,7 @@ use crate::boards::{Dpr, Horus};
 use crate::faults::Faults;
 use emulator_node::{Course, Node, Way};
 
-/// A run of the link whose boards a debugger may halt. Halts leave the outcome as it is; only changes by the debugger
-/// alter it.
+/// A run of the link whose boards a debugger may halt. A halt does not change the outcome, but the debugger may.
 pub struct Debugged<C: Cost> {
     bench: Bench<C>,
     course: Course<AirEvent>,
@@ -21,8 +20,7 @@ pub struct Debugged<C: Cost> {
 }
 
 impl<C: Cost> Debugged<C> {
-    /// Returns the bench at power-on. It uses one thread whatever `setup` says, because a halted board also halts the
-    /// other.
+    /// Returns the bench at power-on. It uses only one thread, because a halted board also halts the other.
     ///
     /// # Errors
     ///
@@ -32,11 +30,11 @@ impl<C: Cost> Debugged<C> {
     }
 
     /// Returns the bench at power-on with these firmwares in place of the ELF files of `setup`. The event log is
-    /// written to `log`, as [`Setup::log`] would have it in a file.
+    /// written to `log`.
     ///
     /// # Errors
     ///
-    /// The errors are those of [`Bench::with`] and of `log`.
+    /// The errors are those of [`Bench::with`], and those of writing to `log`.
     pub fn with(setup: &Setup, programs: &Programs, log: Box<dyn Write>) -> Result<Self, Error> {
         let mut bench = Bench::with(setup, programs)?;
         bench.keep_log();

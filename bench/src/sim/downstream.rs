@@ -35,7 +35,7 @@ const STATION_EVERY: u64 = 100_000_000;
 
 #[derive(Clone, Copy, Debug)]
 enum Seen {
-    /// The DPR restarted. Its SPIS has no buffers until the firmware gives it some.
+    /// The DPR restarted, so that its SPIS has no buffers until the firmware provides them.
     Restart,
     Fresh(bool),
     Spis(SpisEvent),
@@ -46,25 +46,23 @@ pub(super) struct Link<C: Cost> {
     air: Air,
     /// The active hold; `None` without one.
     hold: Option<Beside<C>>,
-    /// The instant, ns, up to which the air has received all its inputs. The poller's emissions reach it up to a
-    /// millisecond before the DPR gets there.
+    /// The instant, ns, up to which the air has all its inputs. It is up to a millisecond ahead of the DPR.
     air_at: u64,
     flight_controller: FlightController,
     base: BaseStation,
     base_faults: Vec<BaseFault>,
     wires: Wires,
     faults: Timeline,
-    /// The present faults of the air, each with the instant (ns) of its beginning. Only the one that began last has an
-    /// effect.
+    /// The present faults of the air, each with the instant (ns) of its beginning. Only the newest one has an effect.
     air_faults: Vec<(u64, AirFaults)>,
     dpr_events: BoardEvents,
     recorder: Recorder,
-    /// The instant at which FRESH rose. It waits here until it is known which image the next transaction would read.
+    /// The instant of a rise of FRESH that is not recorded yet, because the announced image is still unknown.
     announced: Option<u64>,
     /// The beginning, ns, of HORUS's unfinished transaction with a receiver. The transaction's bytes are logged when it
     /// ends.
     untold_since: u64,
-    /// The bytes that a transaction would read now; `None` if a transaction is under way or the SPIS has no buffers.
+    /// The bytes that a transaction would read if it began now; `None` if that is not possible.
     offer: Option<Vec<u8>>,
     /// The instant at which the base station's display was last recorded, ns, and the alarms at that instant.
     station: (u64, Alarms),
@@ -131,14 +129,13 @@ impl<C: Cost> Link<C> {
         std::iter::from_fn(move || self.horus_lines.pop_front_if(|line| line.at <= now))
     }
 
-    /// Notes what the hold executes in `record`, see [`Node::set_record`].
+    /// Records in `record` which code the hold executes ([`Node::set_record`]).
     pub(super) fn set_hold_record(&mut self, record: &Arc<Record>) {
         if let Some(hold) = &mut self.hold {
             hold.set_record(record);
         }
     }
 
-    /// Takes the log lines of the hold since the last call.
     pub(super) fn hold_lines(&mut self) -> Vec<LogLine> {
         self.hold.as_mut().map(Beside::take_log).unwrap_or_default()
     }
@@ -164,7 +161,6 @@ impl<C: Cost> Link<C> {
         self.hold.as_mut().map(Beside::node)
     }
 
-    /// The figures of the hold; `None` without one.
     pub(super) fn hold_figures(&self) -> Option<report::Hold> {
         Some(self.hold.as_ref()?.figures(self.flight_controller.hold()?))
     }
@@ -213,14 +209,14 @@ impl<C: Cost> Link<C> {
         self.flight_controller.take_images()
     }
 
-    /// Takes what the flight controller has read since the last call: each Port-Status with the base station's uplink,
-    /// and its instant (ns).
+    /// Takes each Port-Status with the base station's uplink that the flight controller has read since the last call.
+    /// Each reading has its instant (ns).
     pub(super) fn take_ports(&mut self) -> Vec<(u64, Vec<u8>)> {
         self.flight_controller.take_ports()
     }
 
-    /// Takes the bytes at the place of the hold's object that were read since the last call, each with its instant
-    /// (ns).
+    /// Takes the bytes that the flight controller has read at the place of the hold's object since the last call. Each
+    /// reading has its instant (ns).
     pub(super) fn take_holds(&mut self) -> Vec<(u64, Vec<u8>)> {
         self.flight_controller.take_holds()
     }
@@ -270,7 +266,7 @@ impl<C: Cost> Link<C> {
 
     // ---- the air
 
-    /// Records the event that the poller emitted and passes it through the air to the listener.
+    /// Records an event that the poller emitted, and passes it through the air to the listener.
     fn emitted(&mut self, at: u64, event: AirEvent, node: &mut Node<Dpr, C>) {
         match &event {
             AirEvent::FieldOn | AirEvent::FieldOff => {
@@ -307,8 +303,8 @@ impl<C: Cost> Link<C> {
         self.note_air();
     }
 
-    /// Advances the air to `to` (ns), and passes on the frames that the air delays or repeats. The poller has emitted
-    /// everything before that instant.
+    /// Advances the air to `to` (ns), up to which the poller has emitted everything. Passes on the frames that the air
+    /// delays or repeats.
     fn advance_air(&mut self, to: u64, node: &mut Node<Dpr, C>) {
         let Self { air, recorder, .. } = self;
         node.board_mut(|board| {
@@ -351,8 +347,7 @@ impl<C: Cost> Link<C> {
         }
     }
 
-    /// Places transactions around the end of a frame that began at `at` (ns) and has this LEN, if the run sweeps
-    /// through all phases.
+    /// Places the transactions of a sweep around the end of a frame that began at `at` (ns) and has this LEN.
     fn place_transactions(&mut self, at: u64, len: u8) {
         let Some(sweeping) = &mut self.sweeping else { return };
         let config = *self.flight_controller.config();
@@ -384,8 +379,7 @@ impl<C: Cost> Link<C> {
         }
         seen.extend(node.resets()[self.restarts..].iter().map(|reset| (reset.at, Seen::Restart)));
         self.restarts = node.resets().len();
-        // If both events have the same instant, FRESH is handled first, although the firmware gives the image to the
-        // SPIS before it raises FRESH.
+        // If FRESH rises at the instant of an event of the SPIS, the rise is recorded first.
         seen.extend(spis.into_iter().map(|(cycle, _, event)| (node.ns(cycle), Seen::Spis(event))));
         seen.sort_by_key(|(at, _)| *at);
         for (at, what) in seen {
@@ -426,12 +420,11 @@ impl<C: Cost> Link<C> {
         if high {
             self.offered(None);
             self.announced = Some(at);
-            // FRESH rose while a transaction was under way. This also holds if the transaction ended at the same
-            // instant.
+            // FRESH rose during a transaction, or at the instant of its end.
             if self.selected || at <= self.deselected {
                 self.offered(None);
             } else if self.offer.is_some() {
-                // The SPIS already has an image, which this rise of FRESH announces.
+                // The SPIS already has the image that FRESH announces.
                 self.offered(self.offer.clone());
             }
         } else {
@@ -473,7 +466,6 @@ impl<C: Cost> Link<C> {
         }
     }
 
-    /// Begins or ends an episode of a fault on the DPR's side.
     fn turn(&mut self, turn: &Turn, node: &mut Node<Dpr, C>) {
         let now = node.now();
         let (Turn::Begins(episode) | Turn::Ends(episode)) = turn else {
@@ -540,10 +532,9 @@ impl<C: Cost> Link<C> {
         }
     }
 
-    /// Begins, changes or ends an episode of a fault of the board itself.
     fn turn_board(&mut self, turn: &Turn, node: &mut Node<Dpr, C>) {
         self.dpr_events.turn(node, turn);
-        // A board without supply offers no image. `watch_dpr` handles all other restarts.
+        // A DPR without supply offers no image. `watch_dpr` handles all other restarts.
         if !node.is_powered() {
             self.offered(None);
             self.offer = None;

@@ -1,8 +1,8 @@
 //! Flips every bit in the registers of both front ends, each bit once.
 //!
-//! Each flip happens on a separate copy of a bench whose link is up, and the copy runs on for [`FOR_NS`]. The outcome
-//! has the time in which the flight controller read no valid and new data, and what Link-Status reported in that time.
-//! The chips ST25R3916 and ST25R3916B are tried in one bench each.
+//! Each bit is flipped on a copy of a bench whose link is up. The copy runs on for [`FOR_NS`]. The outcome has the time
+//! without valid and new data, and the reports of Link-Status in that time. One bench has chips ST25R3916, another has
+//! ST25R3916B.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -24,7 +24,7 @@ const WARM: u64 = 600_000_000;
 /// The time for which each copy runs after its flip, ns. It is long enough to show a link that recovers and fails
 /// again.
 pub const FOR_NS: u64 = 2_000_000_000;
-/// The longest time, ns, between two readings of new data while the link works, with a margin.
+/// The longest time, ns, from one reading of new data to the next in a link without faults, with a margin.
 const GAP: u64 = 35_000_000;
 
 /// The outcome of a flip.
@@ -34,15 +34,15 @@ pub struct Flip {
     pub part: &'static str,
     /// The board of the front end whose bit is flipped.
     pub board: Board,
-    /// The time from the flip until valid and new data were read again and without a further gap, ns; `None` if they
-    /// were still missing at the end.
+    /// The flipped bit.
     pub bit: RegisterBit,
+    /// The time from the flip until valid and new data were read again without a further gap, ns; `None` if they were
+    /// still missing at the end.
+    pub back_after: Option<u64>,
     /// The number of readings without valid and new data, by the report in Link-Status: link down, faulty front end,
     /// neither.
-    pub back_after: Option<u64>,
-    /// The violations, as text, in which invalid data were shown as valid.
     pub said: [u32; 3],
-    /// Texts of invalid data that were shown as valid.
+    /// The violations, as text, in which invalid data were shown as valid.
     pub dangerous: Vec<String>,
 }
 
@@ -105,7 +105,7 @@ impl fmt::Display for Flips {
     }
 }
 
-/// Flips every bit of both chips' registers whose index `takes` accepts. Calls `each` with every outcome.
+/// Flips each bit of both chips' registers that `takes` selects by its index. Calls `each` with every outcome.
 ///
 /// # Errors
 ///
@@ -153,7 +153,7 @@ fn of_part<C: Cost>(
                 continue;
             }
             let mut copy = bench.clone();
-            // Each flip has another phase in the cycle, so that some flips coincide with a frame.
+            // The flips have different phases in the cycle, so that some coincide with a frame.
             let at = bench.now() + 1_000_000 + place as u64 * 7_310_000 % 10_000_000;
             copy.add_faults(&Faults::none().with(at, at + FLIP_MENDED, Fault::Flip(board, place as u64)));
             copy.keep_log();
@@ -169,8 +169,9 @@ fn of_part<C: Cost>(
     }
 }
 
-/// Returns the time, ns, from `at` until valid and new data were read without a further gap. Also returns the number of
-/// readings before that, by the report in Link-Status: link down, faulty front end, neither.
+/// Returns two results. The first is the time, ns, from `at` until valid and new data were read without a further gap.
+/// The second is the number of readings before that, by the report in Link-Status: link down, faulty front end,
+/// neither.
 fn read(events: &[Event], at: u64, end: u64) -> (Option<u64>, [u32; 3]) {
     let mut status: Vec<(u64, LinkStatusBits)> = vec![];
     // `last` is the instant of the latest new data. `back` is the time from the flip to the end of the last gap.

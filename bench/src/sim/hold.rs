@@ -1,18 +1,15 @@
-//! The active hold beside the DPR, in lock-step with it: its board, the air between the two, and their events.
+//! Simulates the active hold: its board, and the air between the hold and the DPR's second front end.
 //!
 //! # Time
 //!
-//! The hold runs on the thread of the DPR. It goes ahead of the DPR by [`Beside::lead`], the least time after which
-//! anything that the DPR still does can reach the hold's chip; then the DPR goes ahead of the hold by [`REACTION`], and
-//! so on. What either emits reaches the other one's chip at its own instant, because that chip reacts to nothing on the
-//! air within that time:
+//! The hold and the DPR are simulated in turn, each some time ahead of the other ([`Beside::lead`], [`REACTION`]). The
+//! result is exact, because neither chip reacts to an event on the air within that time:
 //!
-//! - The end of a frame shows one latency of the receiver later, and so does a byte (4.72 µs, `nfc_f_latency_ns`); a
-//!   carrier shows later still (10 µs, `field_detect_ns`).
-//! - The beginning of a frame shows when its preamble and sync have passed, 64 bits or 151 µs later.
+//! - A chip reacts to a byte or to the end of a frame after 4.72 µs (`nfc_f_latency_ns`), and to a carrier after 10 µs
+//!   (`field_detect_ns`).
+//! - A chip reacts to a frame only after preamble and sync: 64 bits, or 151 µs.
 //!
-//! So the hold is nearly always 150 µs ahead, and the two go in steps of a few microseconds only while the DPR answers.
-//! The instants of the steps follow from these rules alone, and so does the run.
+//! While the DPR answers, the steps are only a few microseconds long. Otherwise the hold is 150 µs ahead.
 
 use std::sync::Arc;
 
@@ -35,36 +32,36 @@ use crate::report;
 use crate::world::flight_controller::{Fates, HoldUser};
 use emulator_node::{LogLine, Node};
 
-/// The least time from anything on the air to an effect of it in the chip that hears it, ns: the receiver's latency
-/// less what a board's last instruction may take beyond its time.
+/// The least time from an event on the air to a reaction of the receiving chip, ns: the receiver's latency, less the
+/// time by which a board's last instruction may exceed a step.
 const REACTION: u64 = 3_700;
 
-/// The least time from the transmit command of an answer to an effect in the hold's chip, ns: 64 bits at 424 kbit/s
-/// (150.9 µs) and [`REACTION`].
+/// The least time from the DPR's transmit command to a reaction of the hold's chip, ns: preamble and sync (150.9 µs)
+/// and [`REACTION`].
 const BEFORE_AN_ANSWER: u64 = 150_000;
 
-/// The number of HORUS's frames that are kept for an impostor.
+/// The number of HORUS's last frames that are kept for a hostile sender.
 const OF_HORUS: usize = 8;
 
-/// The interval between two records of what is true of the payload, ns.
+/// The interval between two records of the payload's true state, ns.
 const PAYLOAD_EVERY: u64 = 100_000_000;
 
 /// The hold, and the air between it and the DPR's second front end.
 #[derive(Clone, Debug)]
 pub(super) struct Beside<C: Cost> {
     node: Node<Hold, C>,
-    /// The way of the hold's frames to the DPR.
+    /// The path of the hold's frames to the DPR.
     air: Air,
-    /// The way of the DPR's answers to the hold.
+    /// The path of the DPR's answers to the hold.
     answers: AnswerPath,
-    /// The instant up to which the hold has emitted everything, ns.
+    /// The instant, ns, up to which the hold has been simulated.
     reached: u64,
-    /// The answer that the DPR's second front end sends: the instant of its first bit (ns) and its bytes so far.
+    /// The answer that the DPR is sending: the instant of its first bit (ns), and its bytes so far.
     answering: Option<(u64, Vec<u8>)>,
     answer_faults: AnswerFaults,
-    /// What sends in the place of the hold, and whether it ends with its present frame.
+    /// The hostile sender in place of the hold, and whether it stops after its present frame.
     impostor: Option<(Impostor, bool)>,
-    /// Frames that HORUS has sent, for an impostor.
+    /// The last frames of HORUS, which a hostile sender may repeat.
     of_horus: Vec<Vec<u8>>,
     crosstalk: bool,
     /// The original contents of memory, which are restored when a fault ends.
@@ -72,16 +69,15 @@ pub(super) struct Beside<C: Cost> {
     broken: Option<Break>,
     /// Whether a frame of the hold is on the air.
     sending: bool,
-    /// The numbers of the node's restarts and findings that are in the log.
+    /// The number of restarts of the hold that are in the log.
     restarts: usize,
     findings: usize,
-    /// The instant of the next record of the payload, ns. The next field is the hold's instant at the last one.
+    /// The instant of the next record of the payload, ns.
     payload_at: u64,
     payload_from: u64,
 }
 
 impl<C: Cost> Beside<C> {
-    /// A hold at power-on; `seed` determines the faults of the air.
     pub(super) fn new(node: Node<Hold, C>, seed: u64) -> Self {
         Self {
             node,
@@ -111,15 +107,15 @@ impl<C: Cost> Beside<C> {
         self.node.set_record(record.clone());
     }
 
-    /// The instant, ns, beyond which the DPR must not go before [`Beside::act`] was called.
+    /// The instant, ns, up to which the DPR may be simulated before the next call of [`Beside::act`].
     pub(super) fn next_at(&self) -> u64 {
         (self.reached + REACTION).min(self.air.next_event().unwrap_or(u64::MAX))
     }
 
-    /// How far the hold may go ahead of the DPR, ns.
+    /// Returns the time, ns, for which the hold may be simulated ahead of the DPR.
     fn lead(&self, dpr: &Node<Dpr, C>) -> u64 {
         let answers = dpr.board().hold_port.as_ref().is_some_and(|port| port.chip().is_transmitting());
-        // A foreign card's answer breaks off when the DPR's begins.
+        // The DPR's answer cuts off the answer of a foreign card.
         if answers || self.answering.is_some() || self.answers.next_event().is_some() {
             REACTION
         } else {
@@ -127,7 +123,7 @@ impl<C: Cost> Beside<C> {
         }
     }
 
-    /// Lets the hold go on, since the DPR has reached `at` (ns).
+    /// Simulates the hold as far as the rules of the [module](self) allow, now that the DPR has reached `at` (ns).
     pub(super) fn act(&mut self, at: u64, dpr: &mut Node<Dpr, C>, recorder: &mut Recorder) {
         if at >= self.reached + REACTION {
             let to = at + self.lead(dpr);
@@ -152,13 +148,13 @@ impl<C: Cost> Beside<C> {
         self.note_air(recorder);
     }
 
-    /// Takes what the hold has emitted, and passes it to the DPR's second front end.
+    /// Passes what the hold has emitted to the DPR's second front end.
     fn emitted(&mut self, dpr: &mut Node<Dpr, C>, recorder: &mut Recorder) {
         if !self.node.board().front_end.has_air() {
             return;
         }
         for (at, event) in self.node.board_mut(|board| board.front_end.take_air()) {
-            // A frame that the hold had begun before an impostor is carried to its end.
+            // The hold completes a frame that it began before the hostile sender.
             let goes_on = self.sending && matches!(event, AirEvent::Bytes(_) | AirEvent::FrameEnd { .. });
             if self.broken != Some(Break::Mute) && (self.impostor.is_none() || goes_on) {
                 self.sending = matches!(event, AirEvent::FrameStart(_) | AirEvent::Bytes(_));
@@ -167,7 +163,7 @@ impl<C: Cost> Beside<C> {
         }
     }
 
-    /// Carries an event of the hold's antenna to the DPR's second front end.
+    /// Passes an event at the hold's antenna to the DPR's second front end.
     fn carry(&mut self, at: u64, event: AirEvent, dpr: &mut Node<Dpr, C>, recorder: &mut Recorder) {
         let Self { node, air, answers, crosstalk, broken, .. } = self;
         let is_field = matches!(event, AirEvent::FieldOn | AirEvent::FieldOff);
@@ -188,7 +184,7 @@ impl<C: Cost> Beside<C> {
         self.note_air(recorder);
     }
 
-    /// Carries what an impostor emits up to the hold's present.
+    /// Passes what a hostile sender has emitted up to the hold's present instant to the DPR.
     fn impose(&mut self, dpr: &mut Node<Dpr, C>, recorder: &mut Recorder) {
         let now = self.node.now();
         while let Some((impostor, ends)) = self.impostor.as_mut().filter(|(impostor, _)| impostor.next_at() <= now) {
@@ -205,14 +201,14 @@ impl<C: Cost> Beside<C> {
         }
     }
 
-    /// Passes what HORUS's antenna emits at `at` (ns) to the DPR's second front end, if that hears it.
+    /// Passes an event at HORUS's antenna at `at` (ns) to the DPR's second front end, if there is crosstalk.
     pub(super) fn overhear(&mut self, at: u64, event: &AirEvent, dpr: &mut Node<Dpr, C>) {
         if self.crosstalk && !matches!(event, AirEvent::FieldOn | AirEvent::FieldOff) {
             dpr.board_mut(|board| hear(board, at, event));
         }
     }
 
-    /// Keeps a frame that HORUS has sent, for an impostor.
+    /// Keeps a frame of HORUS, which a hostile sender may repeat.
     pub(super) fn keep(&mut self, frame: &[u8]) {
         if self.of_horus.len() == OF_HORUS {
             self.of_horus.remove(0);
@@ -220,7 +216,7 @@ impl<C: Cost> Beside<C> {
         self.of_horus.push(frame.to_vec());
     }
 
-    /// Begins (`begins`) or ends a fault of the hold now, when the DPR has reached `at` (ns).
+    /// Begins or ends a fault of the hold, when the DPR has reached `at` (ns).
     pub(super) fn turn(
         &mut self,
         at: u64,
@@ -229,7 +225,8 @@ impl<C: Cost> Beside<C> {
         dpr: &mut Node<Dpr, C>,
         recorder: &mut Recorder,
     ) {
-        // The hold and its air may have been simulated further than the DPR. A fault begins at the later instant.
+        // A fault begins at the instant that the DPR has reached, or at the one that the hold has reached, whichever is
+        // later.
         let from = at.max(self.node.now());
         match *fault {
             HoldFault::Frames(way) => {
@@ -317,7 +314,7 @@ impl<C: Cost> Beside<C> {
         });
     }
 
-    /// Takes what the DPR's second front end has emitted, and passes it to the hold.
+    /// Passes what the DPR's second front end has emitted to the hold.
     pub(super) fn answered(&mut self, dpr: &mut Node<Dpr, C>, recorder: &mut Recorder) {
         if !dpr.board().hold_port.as_ref().is_some_and(FrontEnd::has_air) {
             return;
@@ -358,7 +355,7 @@ impl<C: Cost> Beside<C> {
         self.note_air(recorder);
     }
 
-    /// Passes on the answers that the air delays or repeats, and those of a foreign card, up to `to` (ns).
+    /// Passes delayed, repeated and foreign answers up to `to` (ns) to the hold.
     fn answer(&mut self, to: u64) {
         if self.answers.next_event().is_some_and(|next| next <= to) {
             let Self { node, answers, .. } = self;
@@ -366,7 +363,7 @@ impl<C: Cost> Beside<C> {
         }
     }
 
-    /// Records what the air has carried since the last call.
+    /// Records the frames and answers on the air since the last call.
     fn note_air(&mut self, recorder: &mut Recorder) {
         let mut note = |at, what| recorder.note(at, What::Hold(what));
         for mut sent in self.air.take_sent() {
@@ -380,7 +377,7 @@ impl<C: Cost> Beside<C> {
             let frame = HoldFrame { started: heard.started_ns, bytes: Bytes(heard.bytes), whole: heard.whole };
             note(heard.ended_ns, HoldEvent::Heard(frame));
         }
-        // The faults are in the log as episodes, and the DPR's answers as its chip sent them.
+        // The log has the faults of the air as episodes, and the answers as the DPR's chip sent them.
         self.air.take_injected();
         self.answers.take_injected();
         self.answers.take_sent();
@@ -390,8 +387,8 @@ impl<C: Cost> Beside<C> {
         }
     }
 
-    /// Records what happened on the hold's board and at the DPR's second front end since the last call. Returns the
-    /// instant before which the hold's events are known, ns.
+    /// Records the events of the hold's board and of the DPR's second front end since the last call. Returns the
+    /// instant, ns, up to which all events of the hold are known.
     pub(super) fn watch(&mut self, reached: u64, dpr: &mut Node<Dpr, C>, recorder: &mut Recorder) -> u64 {
         let node = &mut self.node;
         for reset in &node.resets()[self.restarts..] {
@@ -456,7 +453,6 @@ impl<C: Cost> Beside<C> {
         }
     }
 
-    /// Takes the log lines of the hold since the last call.
     pub(super) fn take_log(&mut self) -> Vec<LogLine> {
         self.node.take_log()
     }
@@ -469,7 +465,6 @@ fn hear(board: &mut Dpr, at: u64, event: &AirEvent) {
     }
 }
 
-/// Changes the set-point in the bytes of a frame that has Hold-Status.
 fn change_set_point(frame: &mut [u8]) {
     let Some(place) = frame.get_mut(1..1 + HoldStatus::SIZE) else { return };
     let Ok(mut values) = HoldStatus::verify(place).map(HoldStatus::values) else { return };

@@ -1,4 +1,4 @@
-//! Runs the whole link in virtual time: both programs, the air, the receivers, the flight controller and the base
+//! Runs the whole link in virtual time: both boards, the air, the receivers, the flight controller and the base
 //! station.
 //!
 //! The two ELF files run unchanged, as on the boards. This module adds what is connected to the boards' pins and
@@ -56,8 +56,8 @@ use upstream::Receivers;
 /// The interval at which the caller receives the run's progress and the log lines, virtual ns.
 const STEP: u64 = 10_000_000;
 
-/// The shortest time, ns, by which an added fault must lie after the end of a piece of the run. A board may be past
-/// that end, because it completes its last instruction.
+/// The shortest time, ns, from the end of a piece of the run to the beginning of a fault that is added there. The last
+/// instruction of a board may exceed the end of the piece.
 pub const AHEAD_NS: u64 = 100_000;
 
 /// The two firmwares' ELF files.
@@ -95,7 +95,7 @@ impl Programs {
     }
 }
 
-/// The memory that both boards keep without supply, as an earlier [`emulator_debug_port::Wire::kept`] returned it.
+/// The memory that both boards keep without supply ([`emulator_debug_port::Wire::kept`]).
 #[derive(Clone, Debug)]
 pub struct Flashed {
     /// HORUS's memory.
@@ -124,8 +124,8 @@ pub struct Setup {
     pub images: Images,
     /// The ELF file of an active hold; `None` for no hold. With a hold, the DPR's ELF file must have the second port.
     pub hold: Option<PathBuf>,
-    /// The contents of the boards' flash, if given. It must already hold the programs of these ELF files, which are
-    /// then not loaded.
+    /// The contents of the boards' flash, which must already contain the programs of these ELF files. `None` loads the
+    /// programs.
     pub flashed: Option<Flashed>,
     /// The number of receivers in the profile: 1, 2, 3 or 5.
     pub gps: usize,
@@ -137,8 +137,8 @@ pub struct Setup {
     pub threads: Threads,
     /// The seed that determines all random values.
     pub seed: u64,
-    /// The recorded log of receiver 1, of receiver 2 and so on, which replaces the generated flight. A receiver with
-    /// `None`, or without an entry, receives the generated flight.
+    /// The recorded logs of receiver 1, of receiver 2 and so on. A receiver without a recording observes the generated
+    /// flight.
     pub recordings: Vec<Option<PathBuf>>,
     /// The number of solutions a second of every generated receiver. A receiver then refuses any other period.
     pub receiver_hz: Option<u32>,
@@ -155,7 +155,8 @@ pub struct Setup {
     /// Whether the base station's uplinks come from [`Observer::uplink`]. Otherwise the flight controller generates
     /// them.
     pub relays: bool,
-    /// A sweep of transactions through every phase, in place of the flight controller's reads in each control cycle.
+    /// A sweep of transactions through every phase relative to a frame's end. It replaces the flight controller's
+    /// transactions in each control cycle.
     pub sweep: Option<Sweep>,
     /// The trace file of the wires and the tasks, ending in `.vcd` or `.fst`.
     pub trace: Option<PathBuf>,
@@ -218,20 +219,21 @@ pub trait Observer {
         let _ = (virtual_ns, port);
     }
 
-    /// The flight controller has read the 64 bytes at the place of the hold's object, if there is a hold and
-    /// [`Setup::writes`] is set. The bytes may be vacant.
+    /// The flight controller has read the 64 bytes at the place of the hold's object. The place may be vacant. This is
+    /// called only with a hold and with [`Setup::writes`].
     fn hold(&mut self, virtual_ns: u64, object: &[u8]) {
         let _ = (virtual_ns, object);
     }
 
-    /// Returns an uplink of the base station that has arrived by radio, if any. It is called after
+    /// Returns an uplink of the base station that has arrived by radio, if any. This is called after
     /// [`progress`](Self::progress).
     fn uplink(&mut self, virtual_ns: u64) -> Option<Uplink> {
         let _ = virtual_ns;
         None
     }
 
-    /// The changes of the wires since the last call, which may be slightly out of order, if [`Setup::wires`] is set.
+    /// Receives the changes of the wires since the last call, if [`Setup::wires`] is set. They may be slightly out of
+    /// order.
     fn wires(&mut self, marks: &[Mark]) {
         let _ = marks;
     }
@@ -241,12 +243,12 @@ pub trait Observer {
         u64::MAX
     }
 
-    /// Whether the run ends now. It is called after each piece of the run.
+    /// Whether the run ends now. This is called after each piece of the run.
     fn ends(&mut self) -> bool {
         false
     }
 
-    /// Returns faults to add to the run. It is called after each piece, which ended at `virtual_ns`. No episode may
+    /// Returns faults to add to the run. This is called after each piece, which ended at `virtual_ns`. No episode may
     /// begin earlier than [`AHEAD_NS`] after that instant.
     fn faults(&mut self, virtual_ns: u64) -> Faults {
         let _ = virtual_ns;
@@ -270,7 +272,7 @@ pub struct Outcome {
     pub base: BaseStation,
     /// Every log line of both boards, each with its board.
     pub logs: Vec<(&'static str, String)>,
-    /// The outcome of each phase of [`Setup::sweep`], if there was a sweep.
+    /// The outcome of each phase of [`Setup::sweep`]; empty without a sweep.
     pub phases: Vec<Phase>,
 }
 
@@ -311,7 +313,7 @@ pub struct Bench<C: Cost = Fast> {
     relay: Relay<Horus, Dpr, Receivers, Link<C>, C>,
 }
 
-/// The outcome of a [`Bench`] without an observer.
+/// The outcome of a finished [`Bench`].
 #[derive(Debug)]
 pub struct Finished {
     /// The figures.
@@ -326,7 +328,7 @@ pub struct Finished {
     pub phases: Vec<Phase>,
 }
 
-/// Returns a board with this program. The program is loaded, or is already in the memory that the board kept.
+/// Returns a board at power-on with this program, which is loaded or already in the memory that the board kept.
 fn switched_on<B: Board, C: Cost>(
     mut part: B::Part,
     board: B,
@@ -486,7 +488,7 @@ impl<C: Cost> Bench<C> {
         &self.relay.b
     }
 
-    /// The violations in the part of the run that has been judged: all of it but the last few milliseconds.
+    /// Returns the violations found so far. The last few milliseconds of the run are not judged yet.
     #[must_use]
     pub fn findings(&self) -> &Findings {
         self.relay.downstream.findings()
@@ -511,7 +513,6 @@ impl<C: Cost> Bench<C> {
     }
 }
 
-/// Returns the figures of a run that has reached `reached` (ns).
 fn report<C: Cost>(
     header: &Header,
     reached: u64,
@@ -522,7 +523,7 @@ fn report<C: Cost>(
 ) -> Report {
     let figures = verdict.figures.clone();
     let of_dpr = |name| u64::from(telemetry::of_dpr(dpr, name).unwrap_or(0));
-    // The load is rounded to four digits, because further digits tell nothing.
+    // Four digits of the load are enough.
     let load = |load: f64| (load * 1e4).round() / 1e4;
     Report {
         seed: header.seed,
@@ -709,7 +710,7 @@ fn unwritten(setup: &Setup, source: std::io::Error) -> Error {
     Error::Log { path: setup.log.clone().unwrap_or_default(), source }
 }
 
-/// Returns `config` for the link, on which frames that the settings cannot send or receive are lost.
+/// Returns `config` with the setting that frames are lost if the chip's registers are unsuitable for them.
 #[must_use]
 pub fn on_the_link(config: FrontEndConfig) -> FrontEndConfig {
     FrontEndConfig { unsuited_chain_receives: false, unsuited_modulation_reaches: false, ..config }

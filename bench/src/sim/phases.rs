@@ -2,15 +2,15 @@
 //!
 //! # Design
 //!
-//! A flight controller's control cycle is not synchronous to HORUS, so its transactions coincide with the DPR's work at
-//! arbitrary instants. Some coincidences last 100 ns and occur once in minutes; a [`Sweep`] makes each of them occur.
+//! A flight controller's control cycle is not synchronous to HORUS's cycle. In a simple run some coincidences of a
+//! transaction with the DPR's work last 100 ns and occur once in minutes. A [`Sweep`] makes each of them occur.
 //!
 //! In every cycle of HORUS a [`Sweep`] places transactions around the end of a frame, at a phase that advances by a
 //! fixed step. The phase counts from the frame's last bit at the antenna, so errors of crystals and the scatter of the
 //! front end do not change it.
 //!
-//! A frame's end must be known when the frame begins. The bench measures the duration of the first frame of each
-//! length, and uses it for later frames of that length.
+//! The bench must know a frame's end when the frame begins. It therefore measures the duration of the first frame of
+//! each length.
 //!
 //! A [`Phase`] holds what happened at one phase of the sweep. The judge judges a run with a sweep like any other run.
 
@@ -35,7 +35,7 @@ pub struct Placement {
     pub edge: Edge,
     /// The time from the phase's instant to the placed edge, ns; negative if the edge comes first.
     pub after_ns: i64,
-    /// The number of bytes that are clocked; `None` for the whole image.
+    /// The number of bytes in the transaction; `None` for the whole image.
     pub bytes: Option<usize>,
 }
 
@@ -50,7 +50,8 @@ pub struct Sweep {
     pub to_ns: i64,
     /// The step from one phase to the next, ns.
     pub step_ns: u64,
-    /// Patterns of transactions. Each is for one cycle and in order of time, and each phase uses all of them in turn.
+    /// Patterns of transactions, each for one cycle and in order of time. Every phase of the sweep uses each pattern
+    /// once.
     pub patterns: Vec<Vec<Placement>>,
 }
 
@@ -80,7 +81,8 @@ pub struct Phase {
     pub pattern: usize,
     /// The instant of the frame's last bit, ns.
     pub frame_ended: u64,
-    /// The events until the next phase, each with its time after the frame's last bit, ns. They are in order by kind.
+    /// The events up to the next phase, each with its time after the frame's last bit, ns. They are sorted by their
+    /// kinds.
     pub events: Vec<(i64, PhaseEvent)>,
 }
 
@@ -138,7 +140,7 @@ impl Phase {
 pub(super) struct Sweeping {
     sweep: Sweep,
     cycle: u64,
-    /// LEN of the frames at whose ends the transactions are placed.
+    /// The LEN byte of the frames around whose ends the transactions are placed.
     target: u8,
     durations: BTreeMap<u8, u64>,
     phases: Vec<Phase>,
@@ -161,7 +163,8 @@ impl Sweeping {
         self.durations.insert(len, took);
     }
 
-    /// Returns the transactions around the end of a frame that began at `at`: edge, its instant (ns), number of bytes.
+    /// Returns the transactions around the end of a frame that began at `at`. Each has its placed edge, the instant of
+    /// that edge (ns), and the number of bytes.
     pub(super) fn frame_started(&mut self, at: u64, len: u8) -> Vec<(Edge, u64, Option<usize>)> {
         let Some(&took) = self.durations.get(&len).filter(|_| len == self.target) else { return vec![] };
         let Some((phase_ns, pattern)) = self.sweep.at(self.cycle) else { return vec![] };

@@ -14,11 +14,11 @@ impl<C: Cost> Bench<C> {
     }
 }
 
-/// What is called with the instant (virtual ns) and the boards ([`Bench::processors`]).
+/// A function that gets the instant (virtual ns) and the boards ([`Bench::processors`]).
 pub type Each<'a> = dyn FnMut(u64, Vec<&mut dyn AnyNode>) + 'a;
 
-/// Runs `setup` on its clock, and calls `each` before the first instruction, every `piece` ns, and at the end. Keeps
-/// the event log if `logs` is set.
+/// Runs `setup` on its clock. Calls `each` before the first instruction, every `piece` ns, and at the end. If `logs` is
+/// set, the event log is kept.
 ///
 /// # Errors
 ///

@@ -16,7 +16,7 @@ pub(super) struct Recorder {
     /// All events before this instant, ns, are in the log.
     released: u64,
     judge: Judge,
-    /// The aircraft's true flight. Its position goes into the log at each tick. `None` if a recording is played.
+    /// The aircraft's true flight, whose positions go into the log; `None` if a recording is played.
     flight: Option<Arc<Flight>>,
     /// The events released since the last call of [`Recorder::take_kept`]; `None` if the caller does not want the log.
     kept: Option<Vec<Event>>,
@@ -37,7 +37,7 @@ impl Recorder {
     ///
     /// # Panics
     ///
-    /// Panics if later events have already been judged, because the judge would have judged events in a wrong order.
+    /// Panics if later events have already been judged, because the judge needs the events in order.
     pub(super) fn note(&mut self, at: u64, what: What) {
         assert!(at >= self.released, "{what:?} at {at} ns is told when the log has come to {} ns", self.released);
         self.waiting.push(Event { at, what });
@@ -49,7 +49,7 @@ impl Recorder {
         }
     }
 
-    /// Judges the events before `before` (ns). After this call no earlier event may come.
+    /// Judges the events before `before` (ns). No earlier event may come later.
     pub(super) fn release(&mut self, before: u64) {
         if before <= self.released {
             return;

@@ -1,7 +1,7 @@
 //! Measures the speed of the bench.
 //!
-//! The measurement is in this crate, because generic code is compiled with the options of the crate that names its
-//! types. A caller that is not optimised would measure a slower bench than the one that [`super::run`] runs.
+//! The measurement is part of this crate, so that the compiler optimises it like [`super::run`], whatever the options
+//! of the caller.
 
 use std::hint::black_box;
 
@@ -11,8 +11,8 @@ use emulator_node::Threads;
 
 use super::{Bench, Error, Setup};
 
-/// The number of runs of the bench, each beside a run of the [`yardstick`]. The shortest run of each counts, because
-/// other work on the machine delayed it least.
+/// The number of runs of the bench and of the [`yardstick`]. The shortest run of each counts, because other work on the
+/// machine delayed it least.
 const RUNS: usize = 5;
 
 /// The number of copies of the running bench that are timed. The shortest time counts.

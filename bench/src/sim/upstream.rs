@@ -21,10 +21,10 @@ use crate::trace::{self, Mark, TaskWatch, Wire};
 use emulator_node::{LogLine, Node, Upstream};
 use gnss_sim::Port;
 
-/// How long the pin TICK is high before each tick, ns.
+/// The time for which the pin TICK is high before each tick, ns.
 const TICK_PULSE_NS: u64 = TICK_PULSE_TICKS as u64 * 1_000 / TICKS_PER_US as u64;
 
-/// The time from the end of a message from HORUS to the receiver's answer, ns; real receivers take some tens of
+/// The time from the end of a message of HORUS to the receiver's answer, ns. Real receivers take some tens of
 /// milliseconds.
 const ANSWERS_AFTER: u64 = 20_000_000;
 /// How long a receiver ignores its input after a change of its bit rate, ns (u-blox integration manuals).
@@ -36,7 +36,7 @@ const STARTS: u64 = 300_000_000;
 struct Feed {
     receiver: Receiver,
     burst_at: u64,
-    /// The answers that the receiver will send to messages from HORUS, each with its instant (ns).
+    /// The receiver's answers to messages of HORUS, each with the instant (ns) at which it is sent.
     answers: VecDeque<(u64, Vec<u8>)>,
     /// The instant before which the receiver ignores its input, ns.
     deaf_until: u64,
@@ -64,7 +64,7 @@ impl Feed {
         burst
     }
 
-    /// Passes a byte to the receiver that HORUS has sent and that had arrived by `at` (ns); `None` stands for an
+    /// Passes a byte that HORUS has sent, and that had arrived by `at` (ns), to the receiver; `None` stands for an
     /// unreadable byte.
     fn hear(&mut self, at: u64, byte: Option<u8>) {
         if at < self.deaf_until {
@@ -92,8 +92,8 @@ impl Feed {
 #[derive(Clone, Debug)]
 pub(super) struct Receivers {
     feeds: Vec<Feed>,
-    /// The settings of each receiver that were last logged: the number of its dynamic model, and whether it sends
-    /// positions.
+    /// The settings of each receiver that were last logged: the number of its dynamic model, and whether the receiver
+    /// sends positions.
     settings: Vec<Option<(u8, bool)>>,
     lines: LineFaults,
     faults: Timeline,
@@ -132,7 +132,6 @@ impl Receivers {
         let ticks = node.board_mut(Horus::take_ticks);
         for at in ticks.into_iter().flat_map(|at| self.wires.tick(at)) {
             self.events.note(at, What::Tick);
-            // The pin TICK is high for a constant time before each tick.
             let rose = at.saturating_sub(TICK_PULSE_NS);
             self.marks.extend([Mark::Level(rose, Wire::HorusTick, true), Mark::Level(at, Wire::HorusTick, false)]);
         }
@@ -174,8 +173,7 @@ impl Receivers {
         for OnLine { at_ns, receiver, frames, clean } in lines {
             let bytes: Vec<u8> = frames.iter().map(|frame| frame.data as u8).collect();
             if Port::OF[receiver] != Port::Uart1 {
-                // On a bus the receiver only offers its bytes. The board reports later which of them HORUS has read,
-                // and when.
+                // On a bus the receiver only offers its bytes. The board reports later when HORUS has read them.
                 node.board_mut(|board| board.receivers.offer(at_ns, receiver, &bytes));
                 self.events.note(at_ns.max(node.now()), What::Offered { receiver, bytes: Bytes(bytes) });
                 continue;
@@ -200,10 +198,10 @@ fn at_rate(frames: Vec<UartFrame>, baud: u32) -> Vec<UartFrame> {
 }
 
 /// An upper limit of a byte's duration on a receiver's bus, ns. A byte is logged with the instant of its beginning, but
-/// becomes known only at its end.
+/// that instant is known only when the byte ends.
 const ON_THE_WAY: u64 = 100_000;
 
-/// The reports of HORUS's side to the DPR's side, which is simulated behind it.
+/// The results of HORUS's side of the simulation, for the DPR's side, which is simulated later.
 #[derive(Debug)]
 pub(super) struct Notes {
     pub(super) lines: Vec<LogLine>,
@@ -211,8 +209,7 @@ pub(super) struct Notes {
     pub(super) crossings: Vec<(u64, Crossing)>,
     /// The signals of TICK and of HORUS's tasks, for the trace.
     pub(super) marks: Vec<Mark>,
-    /// The beginning, ns, of a transaction with a receiver that may still be unfinished. Its bytes are logged at its
-    /// end.
+    /// The beginning, ns, of an unfinished transaction with a receiver. Its bytes are logged at its end.
     pub(super) untold_since: u64,
 }
 
@@ -313,8 +310,7 @@ impl<C: Cost> Upstream<Horus, C> for Receivers {
                     }
                 }
                 Fault::Wire(fault) => {
-                    // The new fault of the wire applies to later ticks only, so earlier ticks are passed through the
-                    // wire first.
+                    // Earlier ticks pass through the wire before the new fault begins.
                     self.watch_ticks(node);
                     self.watch_inputs(node);
                     if begins {

@@ -23,13 +23,12 @@
 //! | `ssi` | the flight controller's SPI, FRESH, the age that the image's Link-Status carries |
 //!
 //! A task's signal is 1 from the entry of its handler to its end, even while a more urgent task preempts it.
-//! `..._running` has the number of the exception that is running. `..._idle` is 1 in thread mode with the core awake,
-//! `..._asleep` while the core sleeps, and `..._other` in exceptions outside the firmware's table of tasks.
+//! `..._running` has the number of the present exception. Outside exceptions `..._idle` is 1 while the core is awake,
+//! and `..._asleep` while it sleeps. `..._other` is 1 in exceptions that belong to no task.
 //!
-//! The models exchange whole bytes, each at the end of its eighth clock. The trace calculates the clock edges and data
-//! bits of a byte from that instant and the bus's clock rate. A byte's signal has its value from the byte's first clock
-//! until the next byte or the end of chip select; otherwise it is not driven (`z`). Events may arrive slightly out of
-//! order, so the trace writes each after a fixed delay.
+//! The models exchange whole bytes, each at the end of its eighth clock. The trace calculates clock edges and data bits
+//! from that instant and the clock rate. The signal of a byte has its value from its first clock until the next byte or
+//! the end of chip select, and is undriven (`z`) otherwise.
 
 mod signals;
 
@@ -73,7 +72,7 @@ impl Trace {
         Ok(Self { file, signals })
     }
 
-    /// Takes changes for the trace, which may be slightly out of order.
+    /// Takes changes for the trace. They may be slightly out of order.
     pub fn take(&mut self, marks: impl IntoIterator<Item = Mark>) {
         for mark in marks {
             match mark {
@@ -115,11 +114,11 @@ impl Trace {
         self.set(half(16), Signals::word(bus.miso_byte), Some(u64::from(miso)));
     }
 
-    /// Writes the events before `now` (ns), an instant that both boards have passed.
+    /// Writes the events before `now` (ns), which both boards must have reached.
     ///
     /// # Errors
     ///
-    /// The file system reports an error, or an event came too late ([`Error::Late`]).
+    /// [`Error`] if the file system reports an error, or if an event came too late ([`Error::Late`]).
     pub fn flush_before(&mut self, now: u64) -> Result<(), Error> {
         self.file.flush_before(now)
     }

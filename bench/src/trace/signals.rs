@@ -73,7 +73,7 @@ pub enum Word {
     LinkStatusAge,
 }
 
-/// The one-bit signals: group, name and level at the start. Names must be unique, because sigrok drops the groups.
+/// The one-bit signals: group, name and level at the start. The names are unique, because sigrok ignores the groups.
 const WIRES: [(Wire, &str, &str, bool); 18] = [
     (Wire::HorusSck, "horus", "horus_sck", false),
     (Wire::HorusMosi, "horus", "horus_mosi", false),
@@ -116,7 +116,7 @@ pub struct Bus {
     pub(super) cs: Wire,
     pub(super) mosi_byte: Word,
     pub(super) miso_byte: Word,
-    /// Whether data change on the clock's rising edge, as in SPI mode 1. In mode 0 they change before that edge.
+    /// Whether data change on the rising edge of the clock, as in SPI mode 1. In mode 0 data change before that edge.
     pub(super) changes_on_rise: bool,
 }
 
@@ -156,7 +156,7 @@ pub(super) const BUSES: [Bus; 3] = [HORUS, DPR, SSI];
 #[derive(Clone, Debug)]
 pub(super) struct Signals {
     all: Vec<Signal>,
-    /// For each board, the index of its first task signal, and the number of its tasks.
+    /// For each board, the index of its first task's signal, and the number of its tasks.
     boards: [(usize, usize); 2],
 }
 

@@ -1,8 +1,7 @@
 //! The base station, which receives the profiles at the end of the link.
 //!
 //! The crate [`base_station`], which a real base station also runs, judges, keeps and shows the profiles. This module
-//! adds the end of the radio link and a history, with which a test can compare the shown positions with those of the
-//! receivers, bit by bit.
+//! adds the receiving end of the radio and a history of the shown positions for tests.
 
 use core::fmt;
 use std::collections::VecDeque;
@@ -107,7 +106,7 @@ impl BaseStation {
         &self.drone
     }
 
-    /// The number of frames that were damaged or had a wrong length.
+    /// The number of frames on the radio link that were damaged or had a wrong length.
     #[must_use]
     pub fn bad_frames(&self) -> u64 {
         self.bad_frames

@@ -13,7 +13,7 @@ pub(crate) struct Clock {
 impl Clock {
     pub(crate) fn new(ppb: i64) -> Self {
         let scale = 1_000_000_000i128 + i128::from(ppb.clamp(-1_000_000, 1_000_000));
-        // In attoseconds, 1000 carrier cycles take exactly 1000 · 10¹⁸ / 13.56 · 10⁶ · 10⁹ / (10⁹ + ppb).
+        // The result is 1000 · 10¹⁸ · 10⁹ / (13.56 · 10⁶ · (10⁹ + ppb)) as.
         let numerator = 1_000i128 * 1_000_000_000_000_000_000 * 1_000_000_000;
         let denominator = i128::from(CARRIER_HZ) * scale;
         let rounded = (numerator + denominator / 2) / denominator;
@@ -53,7 +53,7 @@ pub(crate) fn bits_ns(bits: u64, bit_as: u64) -> u64 {
 }
 
 pub(crate) fn bits_in(ns: u64, bit_as: u64) -> u64 {
-    // `bits_ns` may have rounded the instant of the last bit down, so half a nanosecond is added.
+    // Half a nanosecond is added, because `bits_ns` rounds instants to ns.
     let a = u128::from(ns) * u128::from(AS_PER_NS) + u128::from(AS_PER_NS / 2);
     u64::try_from(a / u128::from(bit_as.max(1))).unwrap_or(u64::MAX)
 }
@@ -64,7 +64,7 @@ mod tests {
 
     #[test]
     fn air_times_of_the_data_sheet() {
-        // An NFC-F frame with n bytes of payload takes (64 + 8 (n + 3)) bits of 32 carrier cycles.
+        // The frame has n bytes of payload, and so (64 + 8 (n + 3)) bits of 32 carrier cycles.
         let bit = Clock::new(0).cycles_as(32);
         assert_eq!(bits_ns(64 + 8 * (244 + 3), bit), 4_814_159);
         assert_eq!(bits_ns(64 + 8 * (254 + 3), bit), 5_002_950);

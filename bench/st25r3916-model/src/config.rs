@@ -9,7 +9,8 @@ pub enum Variant {
     St25r3916b,
 }
 
-/// The effect of a received frame that breaks off. Its length byte announces too many bytes, or the field is lost.
+/// The effect of a received frame that breaks off, because its length byte announces too many bytes or because the
+/// field is lost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BrokenFrame {
     /// I_rxe comes with I_err1 (and I_crc unless no_crc_rx is set), because the framing logic detects the missing bits.
@@ -46,13 +47,13 @@ pub struct Config {
     pub target_rearms_by_command: bool,
     /// The effect of a received frame that breaks off.
     pub broken_frame: BrokenFrame,
-    /// Whether a frame is received although the receive chain (registers 0B to 0E, B0C, B0D) cannot pass its
+    /// Whether a frame is received although the receive chain (registers 0B to 0E, B0C, B0D) is unsuitable for its
     /// technology. The unsuitable setting is a finding in either case.
     pub unsuited_chain_receives: bool,
 
     /// Whether a frame reaches the other chip although the sender's settings cannot modulate NFC-F or its antenna is
-    /// out of tune. The unsuitable setting is a finding in either case. If false, only the carrier leaves the antenna.
-    /// An antenna out of tune then receives nothing either.
+    /// out of tune. The unsuitable setting is a finding in any case. If this field is false, only the carrier leaves
+    /// the antenna, and an antenna out of tune receives nothing either.
     pub unsuited_modulation_reaches: bool,
     /// The antenna tuning (registers 26, 27) that suits the board's matching network: first of a poller, then of a
     /// listener.
@@ -111,9 +112,9 @@ pub struct Config {
     pub driver_timing_display: u8,
     /// Value of the RC calibration display (register B39) after an RC calibration (EA). Measured on one chip.
     pub rc_calibration_display: u8,
-    /// Constant result of Measure amplitude (D3), A/D steps, whose use is a finding. Measured on one chip.
+    /// Constant result of Measure amplitude (D3), A/D steps. Measured on one chip. A use of the command is a finding.
     pub amplitude: u8,
-    /// Constant result of Measure phase (D9), A/D steps, whose use is a finding. Measured on one chip.
+    /// Constant result of Measure phase (D9), A/D steps. Measured on one chip. A use of the command is a finding.
     pub phase: u8,
     /// Results of Measure power supply (DF) for VDD_A, VDD_D, VDD_RF and VDD_AM, mV. Measured on one chip.
     pub regulated_mv: [u16; 4],

@@ -83,7 +83,7 @@ impl Core {
         self.now = self.now.max(now);
     }
 
-    /// Removes the first deadline that is due at `now` or before, and advances the chip's time to it.
+    /// Removes the first deadline if it is due at `now` or before, and advances the chip's time to that deadline.
     pub(crate) fn take_due(&mut self, now: u64) -> Option<Due> {
         let (at, what) = self.schedule.take(now)?;
         self.reach(at);
@@ -127,7 +127,6 @@ impl Core {
         self.oscillator = stable;
     }
 
-    /// Gives registers, interrupts and oscillator their state after power-up, but does not update the IRQ pin.
     pub(crate) fn set_default(&mut self) {
         self.registers.reset();
         self.registers.set(Space::B, reg::B_DRIVER_TIMING as u8, self.config.driver_timing_display);

@@ -24,8 +24,7 @@ use crate::registers::{EN, EN_FD, TX_EN, reg};
 use crate::report::Kind;
 use crate::schedule::Due;
 
-/// The thresholds of the field detector, mV: one to detect a field (register 2A, bits 6:4), and one to keep it detected
-/// (register 2B, bits 6:4).
+/// The values, mV, of either threshold of the field detector (registers 2A and 2B, bits 6:4).
 const THRESHOLDS_MV: [u16; 8] = [75, 105, 150, 205, 290, 400, 560, 800];
 
 #[derive(Clone, Debug, Default)]
@@ -48,7 +47,7 @@ impl Field {
         self.detected
     }
 
-    /// Whether the chip's carrier must be on, because the oscillator and the transmitter are.
+    /// Whether the oscillator and the transmitter are on. If so, the chip's carrier must be on, too.
     pub(crate) fn wanted(core: &Core) -> bool {
         core.powered() && core.oscillator() && core.operates(EN | TX_EN)
     }
@@ -85,7 +84,7 @@ impl Field {
             && core.a(reg::OPERATION) & EN_FD != 0
     }
 
-    /// Reports a finding if the enabled field detector's lower threshold is not below its upper one.
+    /// Reports a finding if the threshold that ends the detection of a field is not below the one that begins it.
     pub(crate) fn has_hysteresis(core: &mut Core) {
         let (on, off) = (core.a(reg::FIELD_ON_THRESHOLD), core.a(reg::FIELD_OFF_THRESHOLD));
         if core.a(reg::OPERATION) & EN_FD != 0 && on >> 4 & 7 <= off >> 4 & 7 {
@@ -93,7 +92,7 @@ impl Field {
         }
     }
 
-    /// Starts the field detector's delay if its output differs from what it detects, and cancels the delay otherwise.
+    /// Starts the field detector's delay if the field differs from the detector's output, and otherwise cancels it.
     pub(crate) fn look(&mut self, core: &mut Core) {
         if self.sees(core) == self.detected {
             core.cancel(Due::FieldDetect);

@@ -1,7 +1,7 @@
 //! A frame that is being received: its bytes and their instants.
 //!
-//! The model ends the reception of an NFC-F frame when LEN + 2 bytes have arrived or the signal ends, whichever comes
-//! first. No document says which of the two ends it on silicon.
+//! The reception of an NFC-F frame ends after LEN + 2 bytes or at the end of the signal, whichever comes first. No
+//! document says how silicon determines it.
 
 use crate::clock::{bits_in, bits_ns};
 use crate::event::{Chunk, FrameStart, Technology};
@@ -20,8 +20,8 @@ pub(crate) struct Incoming {
 }
 
 impl Incoming {
-    /// Returns a frame whose first bit was at `start`, ns. Each byte reaches the FIFO `latency` ns after the byte's
-    /// end.
+    /// Returns a frame whose first bit was at `start`, ns. Each of its bytes reaches the FIFO `latency` ns after the
+    /// byte's end.
     pub(crate) fn new(frame: FrameStart, start: u64, latency: u64) -> Self {
         Self { frame, start, locked: false, deposited: 0, next_byte: 0, ended: None, latency }
     }
@@ -31,12 +31,11 @@ impl Incoming {
         self.start.saturating_add(bits_ns(bits, self.frame.bit_as))
     }
 
-    /// Returns the instant at which the sync (NFC-F) or the start of communication (NFC-A) ended, ns.
     pub(crate) fn header_end(&self) -> u64 {
         self.instant(0)
     }
 
-    /// Returns the instant, ns, from which the decoder must run to receive the frame.
+    /// Returns the instant, ns, from which the decoder must run to detect the frame.
     pub(crate) fn sync_start(&self) -> u64 {
         let bits = match self.frame.technology {
             Technology::NfcF => self.frame.header_bits.saturating_sub(16),
@@ -55,7 +54,7 @@ impl Incoming {
         self.next_byte = 0;
     }
 
-    /// Records that the signal ended at `at` after `bits` data bits. An incomplete last byte is filled with zero bits.
+    /// Records that the signal ended at `at` after `bits` data bits. Zero bits complete the last byte.
     pub(crate) fn ends(&mut self, at: u64, bits: u32) {
         self.ended = Some((at, bits));
         let data = &mut self.frame.chunk.data;
@@ -70,7 +69,7 @@ impl Incoming {
         }
     }
 
-    /// Records a loss of the signal at `at`. Returns false if the header was still under way, so that no frame is
+    /// Records a loss of the signal at `at`. Returns false if the frame's header was incomplete, so that no frame is
     /// detected.
     pub(crate) fn stops(&mut self, at: u64) -> bool {
         let air = bits_in(at.saturating_sub(self.start), self.frame.bit_as);

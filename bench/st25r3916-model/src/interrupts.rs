@@ -2,8 +2,8 @@
 //!
 //! A read of an interrupt register clears it and lets the pin fall. Both happen at the first rising clock edge of the
 //! byte with its value. Four recordings of silicon (public repository hydrabus/st25r3916_decoder_dumps_sigrok, 2 ns
-//! resolution, 10.5 MHz clock) show the fall 30 to 32 ns after that edge, and 682 to 684 ns before the byte's last
-//! edge, in 38 of 38 reads.
+//! resolution, 10.5 MHz clock) have 38 such reads. In each of them the pin falls 30 to 32 ns after that edge, and 682
+//! to 684 ns before the byte's last edge.
 //!
 //! The model receives a byte only at the byte's end, so it reports a fall of the pin afterwards.
 //! [`Chip::take_irq_edges`](crate::Chip::take_irq_edges) gives every change with its exact instant, and

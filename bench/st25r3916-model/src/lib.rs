@@ -11,9 +11,9 @@
 //! Time is `u64` nanoseconds and does not go back. [`advance`](Chip::advance) a chip to an instant before reading
 //! [`Chip::irq`] at that instant. A bench may skip to [`next_event`](Chip::next_event).
 //!
-//! [`Chip::transfer`] transfers one byte and is called with the instant at which the byte's last clock ends. The value
-//! of a read is taken at the end of the byte before, as on silicon, and a write takes effect at the end of its own
-//! byte. Only the IRQ pin falls earlier, at the first clock edge of the byte that reads an interrupt register: see
+//! [`Chip::transfer`] transfers one byte. It is called with the instant at which the byte's last clock ends. A read
+//! takes its value at the end of the byte before, as on silicon, and a write takes effect at the end of its own byte.
+//! Only the IRQ pin falls earlier, at the first clock edge of the byte that reads an interrupt register: see
 //! [`Chip::take_irq_edges`] and [`Chip::irq_since`].
 //!
 //! Two chips may be advanced alternately in steps of up to a microsecond. An event may then come slightly before the

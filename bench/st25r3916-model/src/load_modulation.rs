@@ -39,6 +39,6 @@ pub(crate) fn suits(core: &mut Core) -> bool {
         (resistances >> 4 < resistances & 0x0F, Space::A, reg::PT_MOD, resistances),
         (by_driver, Space::B, reg::B_AUX_MOD, auxiliary),
     ];
-    // The operator is `&` and not `&&`, so that both checks run and report their findings.
+    // `&` is used and not `&&`, so that both checks report their findings.
     modulation::all(core, looks) & modulation::supply_suits(core)
 }

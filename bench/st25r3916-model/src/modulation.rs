@@ -44,15 +44,15 @@ pub(crate) fn suits(core: &mut Core) -> bool {
     let deep_enough = DEPTHS.contains(&depths[usize::from(driver >> 4)]) && driver & 0x0F != 0x0F;
     let mode = core.a(reg::MODE);
     let looks = [(mode & TR_AM != 0, Space::A, reg::MODE, mode), (deep_enough, Space::A, reg::TX_DRIVER, driver)];
-    // The operator is `&` and not `&&`, so that both checks run and report their findings.
+    // `&` is used and not `&&`, so that both checks report their findings.
     all(core, looks) & supply_suits(core)
 }
 
-/// Whether an ST25R3916B's settings of the supply of its driver fit together. The ST25R3916 has no such settings.
+/// Whether an ST25R3916B's driver supply has consistent settings. The ST25R3916 has no such settings.
 pub(crate) fn supply_suits(core: &mut Core) -> bool {
     let is_a = core.config().variant == Variant::St25r3916;
     let (auxiliary, shaping) = (core.registers().b(reg::B_AUX_MOD), core.registers().b(reg::B_AWS1));
-    // The capacitor at VDD_AM is either small or large. dis_reg_am and act_amsink must be set for the same one.
+    // The bits dis_reg_am and act_amsink must both fit the capacitor at VDD_AM, which is either small or large.
     let pair = (auxiliary & DIS_REG_AM != 0) != (core.a(reg::IO2) & ACT_AMSINK != 0);
     let looks = [
         (is_a || pair, Space::B, reg::B_AUX_MOD, auxiliary),
@@ -61,8 +61,7 @@ pub(crate) fn supply_suits(core: &mut Core) -> bool {
     all(core, looks)
 }
 
-/// Whether every register in `looks` (suitability, space, address, value) is suitable. Each unsuitable one is a
-/// finding.
+/// Whether all registers in `looks` (suitability, space, address, value) are suitable. Each other one is a finding.
 pub(crate) fn all<const N: usize>(core: &mut Core, looks: [(bool, Space, usize, u8); N]) -> bool {
     for (_, space, address, value) in looks.iter().filter(|(right, ..)| !right) {
         core.note(Kind::Modulation { space: *space, address: *address as u8, value: *value });

@@ -9,8 +9,8 @@ use crate::report::Kind;
 
 #[derive(Clone, Debug)]
 pub(crate) struct Outgoing {
-    /// The frame on the air. Its chunk has the bytes that the chip adds in front, then those already given to the air,
-    /// without the CRC.
+    /// The frame on the air. Its chunk has the bytes that the chip sends in front, and the bytes from the FIFO that the
+    /// model of the air already has, without the CRC.
     frame: FrameStart,
     trailer_bits: u32,
     /// The number of bytes that the chip sends in front of those from the FIFO.
@@ -20,22 +20,22 @@ pub(crate) struct Outgoing {
     /// The number of bits in an incomplete last byte from the FIFO, or 0.
     last_bits: u32,
     with_crc: bool,
-    /// Whether the frame does not reach the air, because there is no load modulator or the settings are unsuitable.
+    /// Whether the frame does not reach the air, for lack of a load modulator or because of unsuitable settings.
     pub(crate) silent: bool,
 
     start: u64,
     started: bool,
-    /// The number of bytes from the FIFO that were announced to the air. Some of them are still in the FIFO.
+    /// The number of bytes from the FIFO that the model of the air already has. Some of them may still be in the FIFO.
     announced: usize,
-    /// The number of bytes announced to the air that have left the FIFO.
+    /// The number of bytes that the model of the air has and that have left the FIFO.
     consumed: usize,
     next_byte: u64,
-    /// Whether the controller cleared or read the FIFO during the frame. The frame then breaks off by an underflow.
+    /// Whether the controller cleared or read the FIFO during the frame, which then breaks off by an underflow.
     cut: bool,
 }
 
 impl Outgoing {
-    /// Returns a frame with `cycles` carrier cycles per bit. It has only the bytes `prefix` so far.
+    /// Returns a frame with `cycles` carrier cycles per bit, which begins with the bytes `prefix`.
     fn new(core: &Core, technology: Technology, cycles: u64, prefix: Vec<u8>) -> Self {
         let frame = FrameStart {
             technology,
@@ -136,7 +136,7 @@ impl Outgoing {
         answer
     }
 
-    /// Adds NFC-A's start of communication (a logic 0) and end of communication (a bit without modulation).
+    /// Adds NFC-A's start of communication (a logic 0) and end of communication.
     fn nfc_a(mut self, byte_bits: u32) -> Self {
         self.frame.header_bits = 1;
         self.frame.byte_bits = byte_bits;
@@ -164,12 +164,11 @@ impl Outgoing {
         self.whole + usize::from(self.last_bits != 0)
     }
 
-    /// Returns the number of bytes from the FIFO that have yet to be given to the air.
+    /// Returns the number of bytes from the FIFO that the air does not know yet.
     pub(crate) fn missing(&self) -> usize {
         self.total() - self.announced
     }
 
-    /// Whether the controller cleared or read the FIFO during the frame, so that the frame gets no more bytes.
     pub(crate) fn is_cut(&self) -> bool {
         self.cut
     }
@@ -189,8 +188,8 @@ impl Outgoing {
         self.byte_start(self.consumed)
     }
 
-    /// Returns the instant, ns, from which fewer than `below` of the FIFO's present `level` bytes are left; `None` if
-    /// there is none.
+    /// Returns the instant, ns, from which fewer than `below` of the `level` bytes that the FIFO holds now are left;
+    /// `None` if there is no such instant.
     pub(crate) fn falls_below(&self, below: usize, level: usize) -> Option<u64> {
         let last = self.consumed + level.checked_sub(below)?;
         (self.started && last < self.total()).then(|| self.byte_start(last))
@@ -237,7 +236,7 @@ impl Outgoing {
         usize::try_from(begun).unwrap_or(usize::MAX).clamp(self.consumed, self.announced) - self.consumed
     }
 
-    /// Returns the number of announced bytes that have left the FIFO since the last call, and records them as taken.
+    /// Returns the number of bytes that have left the FIFO for the air since the last call.
     pub(crate) fn take_due(&mut self, now: u64) -> usize {
         let due = self.due(now);
         if due != 0 {
@@ -277,7 +276,8 @@ impl Outgoing {
         chunk
     }
 
-    /// Records that the controller cleared or read the FIFO. Returns whether announced bytes were still in the FIFO.
+    /// Records that the controller cleared or read the FIFO. Returns whether the FIFO still had bytes that the air
+    /// knew.
     pub(crate) fn disturb(&mut self) -> bool {
         let promised = self.started && self.announced > self.consumed;
         if promised {

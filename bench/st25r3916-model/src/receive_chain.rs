@@ -38,7 +38,7 @@ use crate::event::Technology;
 use crate::registers::reg;
 use crate::report::{Kind, Space};
 
-/// The bit dis_corr of register 0A. It switches the correlator off, so that the correlator's settings have no effect.
+/// The bit dis_corr of register 0A, which switches the correlator off.
 const DIS_CORR: u8 = 0x04;
 
 /// Whether every register of the receive chain suits `technology`. Each unsuitable one is a finding.

@@ -46,7 +46,7 @@ pub(crate) struct Receiver {
     frame: Option<Incoming>,
     /// The instant since which the receiver has been unmasked, ns; `None` if it is masked.
     unmasked_since: Option<u64>,
-    /// The instant at which the last received frame ended that no answer has followed, ns; `None` without such a frame.
+    /// The instant, ns, of the end of the last received frame, until an answer follows; `None` without such a frame.
     asked: Option<u64>,
 }
 
@@ -78,13 +78,12 @@ impl Receiver {
         self.unmasked_since.get_or_insert(now);
     }
 
-    /// Starts the decoder when the mask-receive timer ends, unless the receiver is masked for another reason.
+    /// Starts the decoder at the end of the mask-receive timer, unless the receiver is masked.
     pub(crate) fn mask_timer_ends(&mut self, now: u64) {
         self.unmasked_since = self.unmasked_since.map(|_| now);
     }
 
-    /// Sets the mask after a change of mode, a stop or a frame. A target that must be re-armed by D1 is masked, and any
-    /// other receiver is unmasked.
+    /// Masks a target that only D1 may arm again, and unmasks any other receiver.
     pub(crate) fn mask_idle(&mut self, core: &Core) {
         let waits = core.target() && core.config().target_rearms_by_command;
         self.unmasked_since = (!waits).then_some(core.now());
@@ -106,7 +105,7 @@ impl Receiver {
         }
     }
 
-    /// Plans I_wl again if a read by the controller has brought the FIFO below its water level.
+    /// Plans the interrupt I_wl if a read has brought the FIFO below its water level.
     pub(crate) fn taken(&mut self, core: &mut Core, fifo: &mut Fifo) {
         if fifo.len() + 1 == LEVEL {
             self.plan_level(core, fifo);
@@ -137,7 +136,7 @@ impl Receiver {
     }
 
     pub(crate) fn frame_starts(&mut self, core: &mut Core, fifo: &mut Fifo, at: u64, frame: FrameStart) {
-        // A frame that begins during another one masks the rest of that one.
+        // If a frame begins during another frame, the receiver loses the rest of the earlier one.
         self.signal_lost(core, fifo, at);
         if self.busy() {
             core.statistics_mut().missed += 1;
@@ -187,7 +186,7 @@ impl Receiver {
         if !core.powered() || !core.oscillator() || !core.operates(RX_EN) || sending {
             return false;
         }
-        // The decoder must have run since the beginning of the sync, or of the start of communication.
+        // The decoder must run before the sync of an NFC-F frame or the start of communication of an NFC-A frame.
         if self.unmasked_since.is_none_or(|since| since > rx.sync_start()) {
             return false;
         }
@@ -199,7 +198,7 @@ impl Receiver {
             }
             match rx.frame.technology {
                 Technology::NfcF if om == 0x04 => right_rate,
-                // The mode bit om3 selects bit rate detection: with om2 for NFC-F, with om0 for NFC-A.
+                // With bit rate detection (om3), om2 selects NFC-F and om0 selects NFC-A.
                 Technology::NfcF => om & 0x08 != 0 && om & 0x04 != 0,
                 Technology::NfcA => om & 0x08 != 0 && om & 0x01 != 0,
             }
@@ -222,7 +221,7 @@ impl Receiver {
         let rate_modelled = match (core.target(), core.operation_mode()) {
             (false, 0x01) => rate == 0,
             (false, 0x03) | (true, 0x04) => matches!(rate, 1 | 2),
-            // With bit rate detection (om3) the chip finds the rate by itself: with om0 for NFC-A, with om2 for NFC-F.
+            // With bit rate detection (om3) the chip determines the rate.
             (true, 0x09 | 0x0C | 0x0D) => true,
             _ => return core.note(Kind::UnmodelledMode(core.a(reg::MODE))),
         };
@@ -352,8 +351,9 @@ fn crc_right(rx: &Incoming) -> bool {
     right == *crc
 }
 
-/// Whether the frame is a SENSF_REQ (LEN 6, command 0, system code, request code, slots) for the chip's system code,
-/// which is in the passive target memory. FF in a byte of the request's system code fits any value (JIS X 6319-4).
+/// Whether the frame is a SENSF_REQ (LEN 6, command 0, system code, request code, slots) for the chip's system code.
+/// The chip has its system code in the passive target memory. A byte FF in the request's system code fits any value
+/// (JIS X 6319-4).
 fn asks_for_own(core: &Core, rx: &Incoming) -> bool {
     let own = &core.registers().target_memory()[15..17];
     rx.frame.technology == Technology::NfcF

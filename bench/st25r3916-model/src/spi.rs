@@ -1,8 +1,7 @@
 //! The state of the SPI slave.
 //!
-//! The first clock edge of a byte is eight clock periods before the byte's end. (In SPI mode 1 the last edge is half a
-//! period before the end.) If the clock rate is not known, it is taken as 10 MHz, the chip's highest. If the clock is
-//! slower, the IRQ pin really falls earlier than the model says.
+//! The first clock edge of a byte is eight clock periods before the byte's end. An unknown clock rate is taken as 10
+//! MHz, the chip's highest. With a slower clock, silicon's IRQ pin falls earlier than the model's.
 
 use crate::report::Space;
 
@@ -75,7 +74,7 @@ impl Spi {
     pub(crate) fn after_first_edge(&self, now: u64, fall_ns: u64) -> u64 {
         let hz = u64::from(if self.hz == 0 { MAX_HZ } else { self.hz });
         let before_end = (PERIODS * 1_000_000_000 / hz).saturating_sub(fall_ns);
-        // The calculated instant is never before the end of the previous byte, even if the clock rate is wrong.
+        // The instant is not before the end of the previous byte, even with a wrong clock rate.
         now.saturating_sub(before_end).max(self.last_byte).min(now)
     }
 }

@@ -77,18 +77,19 @@ impl Transmitter {
             if !core.config().answers {
                 core.note(Kind::LoadModulation);
             }
-            // The operator is `&` and not `&&`, so that both checks run and report their findings.
+            // `&` is used and not `&&`, so that both checks report their findings.
             let modulates = load_modulation::suits(core) & modulation::in_tune(core);
             frame.silent = !core.load_modulator() || !modulates && !core.config().unsuited_modulation_reaches;
         } else if frame.technology() == Technology::NfcF {
-            // The operator is `&` and not `&&`, so that both checks run and report their findings.
+            // `&` is used and not `&&`, so that both checks report their findings.
             let modulates = modulation::suits(core) & modulation::in_tune(core);
             frame.silent = !modulates && !core.config().unsuited_modulation_reaches;
         }
         true
     }
 
-    /// Starts the transmission of a frame that [`Transmitter::admits`] accepted; returns its first bit's instant, ns.
+    /// Starts the transmission of a frame that [`Transmitter::admits`] accepted. Returns the instant of the first bit,
+    /// ns.
     pub(crate) fn send(&mut self, core: &mut Core, fifo: &mut Fifo, mut frame: Outgoing) -> u64 {
         core.cancel(Due::NoResponse);
         fifo.clear_flags();
@@ -119,7 +120,7 @@ impl Transmitter {
         }
     }
 
-    /// Puts bytes on the air that the controller has loaded since the last chunk. If there are none, the frame breaks
+    /// Puts the bytes on the air that the controller has loaded in the meantime. Without such bytes the frame breaks
     /// off by an underflow.
     pub(crate) fn goes_on(&mut self, core: &mut Core, fifo: &mut Fifo) {
         self.settle(core, fifo);
@@ -141,7 +142,8 @@ impl Transmitter {
         self.plan(core);
     }
 
-    /// Makes a transmission break off at its next byte if it still needs bytes of the FIFO, which was cleared or read.
+    /// Records that the FIFO was cleared or read. A transmission that needs further bytes then breaks off at the next
+    /// byte.
     pub(crate) fn disturb(&mut self, core: &mut Core) {
         let Some(frame) = self.frame.as_mut().filter(|frame| !frame.all_taken()) else { return };
         if frame.disturb() {
@@ -175,7 +177,7 @@ impl Transmitter {
         }
     }
 
-    /// Handles a byte that the controller has loaded. It may bring the FIFO back to its water level.
+    /// Plans the interrupt I_wl if a loaded byte has brought the FIFO back to its water level.
     pub(crate) fn loaded(&mut self, core: &mut Core, fifo: &mut Fifo) {
         if fifo.len() == LEVEL {
             self.plan_level(core, fifo);

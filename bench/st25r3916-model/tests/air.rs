@@ -32,11 +32,11 @@ fn clean_air_forwards_every_event_at_its_instant() {
 #[test]
 fn a_frame_that_the_poller_broke_off_is_not_delivered() {
     let bytes = frame(20, 1);
-    // Each case has the number of bytes that the poller gave to the air, and the number of data bits that it sent.
+    // A case has the number of bytes that the air got from the poller, and the number of data bits on the air.
     let cases = [
-        // The poller's FIFO ran dry after ten bytes, which are fewer than LEN announces.
+        // The poller's FIFO ran dry after ten bytes.
         (10, 80),
-        // In one case the field went off during the last byte of the CRC, in the next case during an earlier byte.
+        // The field went off during the frame.
         (23, 8 * 23 - 1),
         (23, 100),
         // The poller sent only preamble and sync.
@@ -60,8 +60,6 @@ fn a_frame_that_the_poller_broke_off_is_not_delivered() {
 
 #[test]
 fn an_nfc_a_frame_is_whole_only_with_its_end_of_communication() {
-    // Each case has the data bits, the bits on the air after the start of communication, and whether the frame is
-    // whole.
     for (bits, air, whole) in [(24, 27 + 2, true), (24, 27, false), (24, 27 + 1, false), (20, 18 + 4 + 2, true)] {
         let mut antenna = Antenna::new(1, clean());
         antenna.poller(MS, AirEvent::FrameStart(start(Technology::NfcA, &[1, 2, 3])));
@@ -297,7 +295,7 @@ fn nothing_of_a_frame_is_heard_after_it_was_cut() {
 
 #[test]
 fn a_frame_longer_than_its_len_needs_all_its_bytes() {
-    // LEN would be 256 with 255 bytes of payload, and overflows to 0.
+    // A payload of 255 bytes makes LEN overflow to 0.
     let mut bytes = frame(254, 1);
     bytes[0] = 0;
     for (bits, whole) in [(8 * 100, false), (8 * 257, true)] {
@@ -310,7 +308,6 @@ fn a_frame_longer_than_its_len_needs_all_its_bytes() {
 
 #[test]
 fn a_len_of_0_announces_as_much_as_a_len_of_1() {
-    // LEN counts itself but not the CRC-16, even if its value is impossible.
     for (bytes, whole) in [(&[0, 1][..], false), (&[0, 1, 2], true)] {
         let (mut antenna, bits) = (Antenna::new(1, clean()), 8 * bytes.len() as u32);
         antenna.poller(MS, AirEvent::FrameStart(start(Technology::NfcF, bytes)));
@@ -339,14 +336,13 @@ fn frozen_air_repeats_the_last_frame_of_the_same_length() {
     antenna.set(8 * MS, AirFaults { frozen: true, ..clean() });
     let end = antenna.send(10 * MS, &long(4));
     antenna.send(12 * MS, &short(5));
-    // The fault repeats an earlier frame of the same length. There is none, so this frame is received as it is sent.
+    // No earlier frame has this length, so the fault has no effect.
     antenna.send(14 * MS, &frame(16, 6));
     antenna.set(16 * MS, clean());
     antenna.send(17 * MS, &long(7));
     let heard: Vec<_> = antenna.heard().into_iter().map(|heard| heard.bytes).collect();
     assert_eq!(heard, [long(1), short(2), long(3), long(3), short(2), frame(16, 6), long(7)]);
     assert_eq!(antenna.injected("frozen"), [10 * MS, 12 * MS]);
-    // The air records the bytes that the poller sent, not the frozen ones that were received.
     let sent = antenna.air.take_sent();
     assert_eq!((&sent[3].bytes, sent[3].ended_ns), (&long(4), end));
     assert_eq!(antenna.ended(), (5, 2, 0));

@@ -26,7 +26,6 @@ fn send(pair: &mut Pair, n: usize, seed: u64) {
     pair.fire();
 }
 
-/// Returns the listener's interrupts and its FIFO bytes after a frame. Arms the listener again.
 fn received(pair: &mut Pair) -> ([u8; 4], Vec<u8>) {
     let irqs = pair.irqs(Side::Listener);
     let (n, _) = pair.fifo(Side::Listener);
@@ -37,7 +36,6 @@ fn received(pair: &mut Pair) -> ([u8; 4], Vec<u8>) {
 
 #[test]
 fn the_crc_finds_every_burst_of_up_to_16_bits() {
-    // A CRC-16 detects every burst of up to 16 bits.
     let mut pair = pair(AirFaults { burst: 1.0, burst_bits: 16, ..clean() });
     let mut whole = 0;
     for seed in 0..100 {
@@ -45,7 +43,7 @@ fn the_crc_finds_every_burst_of_up_to_16_bits() {
         pair.run_for(5 * MS);
         let heard = pair.air.take_heard().remove(0);
         let (irqs, data) = received(&mut pair);
-        // A burst that hits LEN makes the frame appear shorter or longer.
+        // The burst may hit LEN.
         if heard.bytes[0] == 101 {
             assert_eq!((irqs, &data), ([0x30, 0, 0x80, 0], &heard.bytes));
             whole += 1;
@@ -83,7 +81,7 @@ fn a_delayed_frame_is_received_when_it_comes_and_not_before() {
     pair.run_to(start + 12 * MS);
     assert_eq!(pair.irqs(Side::Listener), [0; 4]);
     assert!(pair.wait_irq(Side::Listener, MS));
-    // The time to I_rxs contains 64 bits of preamble and sync, and the receiver's latency.
+    // Preamble and sync have 64 bits.
     assert_eq!(pair.now, start + 12 * MS + 151_032 + pair.listener.config().nfc_f_latency_ns);
     pair.run_for(5 * MS);
     let (irqs, data) = received(&mut pair);
@@ -138,7 +136,7 @@ fn the_fifo_holds_the_bits_of_a_byte_that_breaks_off() {
         let mut pair = pair(clean());
         send(&mut pair, 60, 1);
         let start = pair.now + pair.poller.config().transmit_latency_ns;
-        // The field goes off in the middle of a bit, after preamble, sync, LEN, nine bytes of payload and `bits` bits.
+        // The field goes off in the middle of a bit, after LEN and nine bytes of payload.
         let came = 64 + 80 + bits;
         pair.run_to(start + (2 * came + 1) * 18_879 / 16);
         set(&mut pair, AirFaults { field_off: true, ..clean() });
@@ -149,7 +147,6 @@ fn the_fifo_holds_the_bits_of_a_byte_that_breaks_off() {
         assert_eq!((level, flags), (bytes + usize::from(last != 0), (last as u8) << 1), "{bits} bits");
         let held = pair.read_fifo(Side::Listener, level);
         assert_eq!(held[1..bytes], sent[..bytes - 1], "{bits} bits");
-        // NFC-F sends the most significant bit of a byte first.
         let of_last = held.get(bytes).copied().unwrap_or(0);
         assert_eq!(of_last, sent[bytes - 1] & !(0xFF >> last), "{bits} bits");
         // The air records whole bytes only.
@@ -184,7 +181,7 @@ fn a_frame_that_breaks_off_within_its_sync_is_not_received() {
         send(&mut pair, 60, 1);
         let start = pair.now + pair.poller.config().transmit_latency_ns;
         pair.run_to(start + bits_in * 2_360 - BYTE_NS);
-        // The command Stop breaks the frame off but leaves the field on.
+        // The command Stop (C2) breaks the frame off, but leaves the field on.
         pair.spi(Side::Poller, &[0xC2]);
         pair.run_for(MS);
         let irqs = pair.irqs(Side::Listener);
@@ -211,8 +208,8 @@ fn a_frame_whose_fifo_runs_dry_is_not_delivered() {
 
 #[test]
 fn an_nfc_a_frame_is_delivered_unless_its_fifo_runs_dry() {
-    // In the first two cases the poller sends three bytes with CRC. Its FIFO has three bytes, or only two. In the last
-    // case it sends a short frame.
+    // The FIFO has all three bytes of the frame, or one byte too few. The last command sends a short frame without the
+    // FIFO.
     for (loaded, command, delivered) in [(3, 0xC4, true), (2, 0xC4, false), (0, 0xC6, true)] {
         let mut pair = nfc_a_poller(Config::default());
         pair.spi(Side::Poller, &[0xDB]);
@@ -228,7 +225,6 @@ fn an_nfc_a_frame_is_delivered_unless_its_fifo_runs_dry() {
 
 #[test]
 fn a_listener_behind_the_airs_time_still_receives_its_frames() {
-    // Poller and air are advanced a millisecond ahead of the listener.
     let faults = AirFaults { repeated: 1.0, repeat_after_ns: (2 * MS, 2 * MS), ..clean() };
     let mut pair = pair(faults);
     send(&mut pair, 60, 1);

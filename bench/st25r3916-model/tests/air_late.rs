@@ -18,14 +18,12 @@ fn delaying(ns: u64) -> AirFaults {
     AirFaults { delayed: 1.0, delay_ns: (ns, ns), ..clean() }
 }
 
-/// Returns the frames that reached the antenna, each with first bit, last bit, whether it is whole, and origin.
 fn heard(antenna: &mut Antenna) -> Vec<(u64, u64, bool, Origin)> {
     antenna.heard().iter().map(|heard| (heard.started_ns, heard.ended_ns, heard.whole, heard.origin)).collect()
 }
 
 #[test]
 fn a_repetition_follows_once_after_its_delay_with_the_same_bytes() {
-    // A burst of errors makes the received frame differ from the sent one.
     let faults = AirFaults { burst: 1.0, burst_bits: 8, ..repeating(3 * MS) };
     let mut antenna = Antenna::new(1, faults);
     let end = antenna.send(10 * MS, &frame(20, 1));
@@ -54,7 +52,7 @@ fn a_repetition_comes_at_any_instant_of_its_range() {
         after[usize::try_from(antenna.injected("repeated")[0] - end - 100).unwrap()] += 1;
     }
     assert!(after.iter().all(|count| (60..140).contains(count)), "{after:?}");
-    // A range of times that ends before its beginning counts as its beginning alone.
+    // The range of times ends before its beginning.
     antenna.set(5_000 * MS, AirFaults { repeated: 1.0, repeat_after_ns: (200, 100), ..clean() });
     let end = antenna.send(5_001 * MS, &frame(5, 1));
     antenna.run_to(6_000 * MS);
@@ -66,7 +64,6 @@ fn a_repetition_waits_until_300_us_after_the_frame_on_the_air() {
     let mut antenna = Antenna::new(1, repeating(2 * MS));
     let first = antenna.send(10 * MS, &frame(20, 1));
     antenna.set(first + MS, clean());
-    // While a second frame is on the air, the repetition of the first is due.
     let second = antenna.send(first + 2 * MS - 50 * US, &frame(100, 2));
     assert!(second > first + 2 * MS);
     antenna.run_to(100 * MS);
@@ -109,7 +106,6 @@ fn when_the_poller_begins_during_a_repetition_neither_is_heard_whole() {
     assert_eq!((antenna.ended(), antenna.air.counters().collisions), ((1, 0, 1), 1));
     let sent = antenna.air.take_sent();
     assert_eq!((sent[1].whole, sent[1].ended_ns), (true, second), "the poller sent it, all the same");
-    // A frame that begins after the collision is received.
     antenna.send(50 * MS, &frame(30, 3));
     assert_eq!(antenna.ended(), (2, 0, 1));
 }
@@ -216,7 +212,6 @@ fn without_a_field_the_listener_receives_no_frame() {
     let mut antenna = Antenna::new(1, clean());
     antenna.set(5 * MS, AirFaults { field_off: true, ..clean() });
     antenna.send(10 * MS, &frame(20, 1));
-    // New faults do not switch the field on if they have it off too.
     antenna.set(15 * MS, AirFaults { field_off: true, lost: 0.5, ..clean() });
     antenna.set(20 * MS, clean());
     let end = antenna.send(30 * MS, &frame(20, 1));
@@ -271,7 +266,6 @@ fn a_field_that_drops_within_a_frame_breaks_it_off() {
 fn late_frames_are_lost_when_they_are_due_without_a_carrier() {
     let off = AirFaults { field_off: true, ..clean() };
     for faults in [repeating(5 * MS), delaying(5 * MS)] {
-        // The field is switched off by a fault of the air, or by the poller.
         for poller in [false, true] {
             let mut antenna = Antenna::new(1, faults);
             let end = antenna.send(10 * MS, &frame(20, 1));

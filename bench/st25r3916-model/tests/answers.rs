@@ -27,20 +27,18 @@ fn answering(poller: Config, listener: Config) -> Pair {
     pair.spi(Side::Listener, &[0x16, 0xC7]);
     pair.receive_nfc_f(Side::Poller);
     pair.spi(Side::Poller, &[0x16, 0x47, 0x3F]);
-    // The writes set the no-response timer to 669 steps of 64 carrier cycles, and the mask-receive timer to 40.
+    // The no-response timer gets 669 steps of 64 carrier cycles, and the mask-receive timer 40.
     pair.spi(Side::Poller, &[0x10, 0x02, 0x9D, 0x00]);
     pair.spi(Side::Poller, &[0x0F, 0x28]);
     pair.spi(Side::Poller, &[0x02, 0xC8]);
     pair
 }
 
-/// Returns a poller and a listener that may answer. The start of their transmissions does not scatter.
 fn exact_pair() -> Pair {
     answering(exact(), exact())
 }
 
-/// Sends a frame of 64 bytes, and runs until the listener has received and read it. Returns the instant of the frame's
-/// end.
+/// Sends a frame of 64 bytes to the listener, which reads it. Returns the instant of the frame's end.
 fn ask(pair: &mut Pair) -> u64 {
     pair.load(&payload(64, 1));
     pair.fire();
@@ -63,7 +61,6 @@ fn load_answer(pair: &mut Pair, payload: &[u8]) {
     pair.spi(Side::Listener, &[&[0x80], payload].concat());
 }
 
-/// Makes a listener answer so that the answer's first bit comes exactly `after_ns` after the frame's end.
 fn answer(pair: &mut Pair, end_ns: u64, after_ns: u64, payload: &[u8]) {
     load_answer(pair, payload);
     let latency = pair.listener.config().transmit_latency_ns;
@@ -76,7 +73,6 @@ fn found(pair: &Pair, side: Side, kind: Kind) -> u64 {
     chip.reports().iter().find(|report| report.kind == kind).map_or(0, |report| report.count)
 }
 
-/// Sends a frame that the listener answers. Returns whether the poller received the answer.
 fn answered(pair: &mut Pair) -> bool {
     let end = ask(pair);
     let sent = payload(128, 9);
@@ -125,7 +121,7 @@ fn an_answer_begins_after_its_command_and_takes_its_air_time() {
     assert_eq!(pair.irqs(Side::Listener), [0x08, 0, 0, 0]);
     assert!(pair.wait_irq(Side::Poller, 1_000_000));
     assert_eq!(pair.irqs(Side::Poller), [0x10, 0, 0, 0]);
-    // The FIFO has 131 bytes, because the chip has added LEN and CRC-16 to the payload.
+    // The chip adds LEN and CRC-16 to the payload in the FIFO.
     let heard = pair.read_fifo(Side::Poller, 131);
     assert_eq!((heard[0], &heard[1..129]), (129, &payload(128, 2)[..]));
 }
@@ -147,8 +143,7 @@ fn an_answer_stops_the_no_response_timer() {
 
 #[test]
 fn an_answer_that_begins_under_the_mask_timer_is_not_received() {
-    // The mask-receive timer takes 188.8 µs. It must end before the answer's sync, which begins 113.3 µs into the
-    // answer.
+    // The mask-receive timer of 188.8 µs must end before the answer's sync, 113.3 µs after the answer's beginning.
     for (after, heard) in [(50_000, false), (120_000, true), (GUARD_NS - 2_000, true), (GUARD_NS + 2_000, true)] {
         let mut pair = exact_pair();
         pair.load(&payload(4, 1));
@@ -173,8 +168,8 @@ fn an_answer_that_begins_under_the_mask_timer_is_not_received() {
 
 #[test]
 fn a_listener_without_load_modulation_stays_mute() {
-    // The listener of the HORUS link is set up like this: its driver has the same resistance at all times, so it does
-    // not modulate.
+    // HORUS link's listener has these settings. The driver's resistance never changes, so the listener does not
+    // modulate.
     let mut pair = exact_pair();
     pair.spi(Side::Listener, &[0x29, 0xFF]);
     pair.spi(Side::Listener, &[0xFB, 0x28, 0x00]);
@@ -211,11 +206,11 @@ fn settings_that_cannot_answer_are_found_and_not_heard() {
     let cases: [(Variant, &[u8], Written); 9] = [
         (a, &[0x29, 0x55], (Space::A, 0x29, 0x55)),
         (a, &[0x29, 0xF5], (Space::A, 0x29, 0xF5)),
-        // The write to B28 selects an external modulator, which the board does not have.
+        // This write selects an external modulator, which the board does not have.
         (a, &[0xFB, 0x28, 0x20], (Space::B, 0x28, 0x20)),
         (b, &[0x29, 0xEE], (Space::A, 0x29, 0xEE)),
         (b, &[0xFB, 0x28, 0xA0], (Space::B, 0x28, 0xA0)),
-        // The write to B28 selects regulator-shaped modulation, which is not allowed in card mode.
+        // This write selects regulator-shaped modulation, which is not allowed in card mode.
         (b, &[0xFB, 0x28, 0x94], (Space::B, 0x28, 0x94)),
         // The writes of B28 and of 01 lead to undocumented combinations of dis_reg_am and act_amsink.
         (b, &[0xFB, 0x28, 0x10], (Space::B, 0x28, 0x10)),
@@ -248,8 +243,7 @@ fn an_antenna_out_of_tune_does_not_answer() {
 
 #[test]
 fn a_poller_that_does_not_listen_hears_no_answer() {
-    // Each write keeps the poller from receiving: receiver off, receiver masked, another bit rate, and a receive chain
-    // for NFC-A.
+    // Each write prevents the poller's reception in another way.
     for write in [&[0x02u8, 0x88][..], &[0xD0], &[0x04, 0x21], &[0x0B, 0x08]] {
         let mut pair = answering(Config { unsuited_chain_receives: false, ..exact() }, exact());
         let end = ask(&mut pair);
@@ -285,7 +279,6 @@ fn an_answer_without_a_field_or_without_a_frame_is_found() {
     answer(&mut pair, end, 700_000, &payload(4, 1));
     pair.run_for(1_000_000);
     assert_eq!(found(&pair, Side::Listener, Kind::AnswerUnasked), 1);
-    // The listener sends a second answer to one frame.
     load_answer(&mut pair, &payload(4, 1));
     pair.spi(Side::Listener, &[0xC4]);
     pair.run_for(1_000_000);
@@ -341,7 +334,6 @@ fn the_switches_decide_whether_transmission_and_unmasking_change_the_receiver() 
     }
 }
 
-/// The path of answers without chips, with a record of the events that the poller received.
 struct Back {
     path: AnswerPath,
     heard: Vec<(u64, AirEvent)>,
@@ -372,7 +364,6 @@ impl Back {
         self.path.advance(to, |at, event| heard.push((at, event.clone())));
     }
 
-    /// Sends an answer with 8 bytes of payload from the listener at `at`. Returns the instant of the answer's end.
     fn answer(&mut self, at: u64) -> u64 {
         let bytes = common::antenna::frame(8, 3);
         let mut start = common::antenna::start(st25r3916_model::Technology::NfcF, &bytes);
@@ -384,7 +375,6 @@ impl Back {
         end
     }
 
-    /// Returns the frames that the poller received: the start of each, and the number of data bits of each.
     fn frames(&self) -> (Vec<u64>, Vec<u32>) {
         let starts = self.heard.iter().filter(|(_, event)| matches!(event, AirEvent::FrameStart(_))).map(|(at, _)| *at);
         let ends = self.heard.iter().filter_map(|(_, event)| match event {
@@ -451,7 +441,6 @@ fn a_foreign_card_answers_a_frame_with_one_of_its_own() {
 
 #[test]
 fn answers_that_meet_are_both_lost_or_broken_off() {
-    // The foreign card begins before the listener in the first case, and after the listener in the second.
     let mut back = Back::new(foreign_at(400_000));
     back.poller(0, &AirEvent::FrameEnd { bits: 8 });
     back.answer(400_000 + bits_ns_424(64 + 16));
@@ -465,7 +454,6 @@ fn answers_that_meet_are_both_lost_or_broken_off() {
     back.run_to(5_000_000);
     assert_eq!(back.frames(), (vec![400_000], vec![24]));
     assert_eq!((back.path.collisions(), back.path.foreign_answers()), (1, 1));
-    // An answer after the collision reaches the poller.
     back.answer(6_000_000);
     assert_eq!(back.frames(), (vec![400_000, 6_000_000], vec![24, 88]));
 }
@@ -478,6 +466,5 @@ fn a_foreign_card_has_one_answer_at_a_time() {
     back.run_to(600_000);
     back.poller(600_000, &AirEvent::FrameEnd { bits: 8 });
     back.run_to(5_000_000);
-    // The poller sent a second frame before the card answered the first, so the card answered only the second.
     assert_eq!(back.frames(), (vec![500_000, 1_000_000], vec![88, 88]));
 }

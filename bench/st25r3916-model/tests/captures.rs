@@ -73,7 +73,6 @@ fn capture(name: &str) -> Option<Vec<Line>> {
     Some(lines)
 }
 
-/// Returns a chip with the configuration of the recorded board.
 fn board() -> Chip {
     let mut chip = Chip::new(Config {
         variant: Variant::St25r3916,
@@ -81,7 +80,7 @@ fn board() -> Chip {
         regulator_display: 0xE0,
         driver_timing_display: 0x04,
         broken_frame: BrokenFrame::EndsWithError,
-        // Frames start at the mean instant without scatter; the tolerance of the test covers the recorded scatter.
+        // The model's frames start at the mean instant. The tolerance of the test covers the scatter on silicon.
         transmit_scatter_ns: 0,
         ..Config::default()
     });
@@ -107,12 +106,10 @@ fn byte_ends(mosi: &[u8]) -> impl Iterator<Item = u64> {
 fn exchange(chip: &mut Chip, at: u64, mosi: &[u8]) -> Vec<u8> {
     chip.select(at);
     let miso = mosi.iter().zip(byte_ends(mosi)).map(|(&b, end)| chip.transfer(at + end, b)).collect();
-    // In the recordings chip select rises at least 1.8 µs after the last clock edge.
     chip.deselect(at + byte_ends(mosi).last().unwrap_or(0) + 1_800);
     miso
 }
 
-/// Sets the chip up as the recorded firmware did before its first scan for a tag.
 fn bring_up(chip: &mut Chip, writes: &[&[u8]]) {
     let mut now = 1_000_000;
     let mut run = |bytes: &[u8], then: u64| {
@@ -143,7 +140,6 @@ fn bring_up(chip: &mut Chip, writes: &[&[u8]]) {
 fn every_register_of_both_spaces_reads_as_on_silicon() {
     let Some(lines) = capture("Read_All_Registers_SpaceA_B.txt") else { return };
     let mut chip = board();
-    // The recorded firmware also made these writes at its start.
     bring_up(
         &mut chip,
         &[&[0x08, 0x50], &[0x26, 0x49, 0x45], &[0x29, 0x5F, 0x11, 0x00], &[0xFB, 0x05, 0x40], &[0x5A, 0, 0, 0, 0]],
@@ -154,7 +150,6 @@ fn every_register_of_both_spaces_reads_as_on_silicon() {
         }
     }
     assert!(!chip.irq());
-    // Every address that the recording reads exists.
     assert_eq!(chip.reports().iter().filter(|r| matches!(r.kind, Kind::NoSuchRegister(..))).count(), 0);
 }
 
@@ -162,7 +157,6 @@ fn every_register_of_both_spaces_reads_as_on_silicon() {
 struct Tag {
     /// The instants of the recorded edges of I_rxs, each with the bytes that the firmware then read.
     answers: Vec<(u64, Vec<u8>)>,
-    /// The time from the start of an answer to I_rxs, ns.
     to_rxs: u64,
 }
 
@@ -173,7 +167,7 @@ impl Tag {
         for line in lines {
             match line {
                 Line::Irq { at, level: true } => rose = *at,
-                // Only I_rxs is set, which means that an answer has begun.
+                // The firmware has read an interrupt register in which only I_rxs was set, so an answer has begun.
                 Line::Transfer { mosi, miso, .. } if mosi[0] == 0x5A && miso[1] == 0x20 => {
                     answers.push((rose, Vec::new()));
                 }
@@ -194,7 +188,6 @@ impl Tag {
         Self { answers, to_rxs: bit + config.nfc_a_start_latency_ns }
     }
 
-    /// Gives all answers of the tag to the chip beforehand, each with its own instant.
     fn speak(&self, chip: &mut Chip) {
         for (rxs, data) in &self.answers {
             let start = rxs - self.to_rxs;
@@ -265,7 +258,7 @@ fn the_model_reads_a_tag_exactly_as_the_recorded_chip_did() {
         lines.iter().filter_map(|l| if let Line::Irq { at, level } = l { Some((*at, *level)) } else { None }).collect();
     assert_eq!(edges.len(), recorded.len(), "edges {edges:?}");
     assert_eq!(recorded.iter().filter(|(_, level)| !level).count(), 22);
-    // The recorded chip started each frame at a random instant within the scatter. I_txe and I_nre move with it.
+    // I_txe and I_nre move with the random start of each recorded frame.
     let scatter = Config::default().transmit_scatter_ns / 2;
     let mut starts: Vec<i64> = Vec::new();
     for (edge, (was, level)) in edges.iter().zip(&recorded) {
@@ -295,7 +288,7 @@ fn the_model_reads_a_tag_exactly_as_the_recorded_chip_did() {
         assert!(late.unsigned_abs() <= EDGE_TOLERANCE_NS, "edge at {}, recorded at {was}: {late} ns", edge.at_ns);
     }
     assert_eq!(starts.len(), 7);
-    // The scatter of the recorded frames is nearly as wide as the model's, so the model's is not too wide.
+    // The recorded scatter is nearly as wide as the model's.
     let used = starts.iter().max().expect("frames") - starts.iter().min().expect("frames");
     assert!(used > scatter as i64 && used <= 2 * (scatter + EDGE_TOLERANCE_NS) as i64, "{starts:?}");
 

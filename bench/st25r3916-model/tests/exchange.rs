@@ -21,12 +21,10 @@ fn parts() -> [Config; 2] {
     [Config::default(), Config::st25r3916()]
 }
 
-/// Returns a configuration in which a driver's unsuitable settings have effects on the air.
 fn strict(config: Config) -> Config {
     Config { unsuited_chain_receives: false, unsuited_modulation_reaches: false, ..config }
 }
 
-/// Asserts that the next exchange carries frame and answer without an error.
 fn works(world: &mut World, seed: u64) {
     let sent = payload(64, seed);
     world.answer = payload(128, seed + 1);
@@ -98,8 +96,8 @@ fn an_answer_leaves_at_a_fixed_instant_whatever_it_says() {
         let answer = world.back.take_heard().pop().expect("an answer was heard");
         after.push(answer.started_ns - frame.ended_ns);
     }
-    // I_rxe comes 4.72 µs after the frame's end, the transmit command 700 µs later. The command takes one byte, and the
-    // answer's first bit leaves 3.65 µs after it.
+    // I_rxe comes 4.72 µs after the frame's end, and the transmit command 700 µs after I_rxe. The command takes one
+    // byte, and the answer's first bit leaves 3.65 µs after the command.
     assert_eq!(after, [4_720 + 700_000 + 1_000 + 3_650; 4]);
 }
 
@@ -115,7 +113,6 @@ fn only_an_answer_within_the_window_is_received() {
     }
 }
 
-/// A case has the faults of answers, and a check of the event that ends the exchange.
 type Case = (AnswerFaults, fn(ExchangeEvent) -> bool);
 
 #[test]
@@ -217,7 +214,7 @@ fn a_frame_that_is_lost_is_not_answered() {
 
 #[test]
 fn an_exchange_recovers_from_a_carrier_lost_during_an_answer() {
-    // The carrier is lost once in each run, 150 µs later each time. An exchange takes 4.9 ms.
+    // The carrier is lost at another instant of the exchange in each run.
     for after_us in (0..4_850).step_by(150) {
         let mut world = World::started(configs(Config::default(), Config::default()));
         world.begin(&[1; 64]);
@@ -274,8 +271,8 @@ fn an_answerer_that_is_late_gives_up_nothing_but_its_answer() {
     for cycle in 0..10 {
         world.answers_after_ns = if cycle % 2 == 0 { 98 * MS } else { 700_000 };
         let (event, _) = world.cycle(&payload(64, cycle)).expect("it ends");
-        // An answer that comes late is still on the air when the next frame is sent. The chip that answers cannot
-        // receive that frame's sync.
+        // The late answer is still on the air when the poller sends its next frame, which the answering chip cannot
+        // receive.
         assert!(matches!(event, ExchangeEvent::NoAnswer(_)) || cycle % 2 == 1 && event == CLEAN, "{event:?}");
     }
     world.answers_after_ns = 700_000;
@@ -341,7 +338,7 @@ proptest! {
         world.air.set_faults(world.now, AirFaults::default(), |at, event| port.hear(at, event));
         world.back.set_faults(world.now, AnswerFaults::default(), |_, _| {});
         world.answers_after_ns = 700_000;
-        // A pause of 200 ms lets all frames and answers arrive that are still delayed.
+        // All delayed frames and answers arrive in these 200 ms.
         let now = world.now;
         world.run_to(now + 200 * MS);
         works(&mut world, 7);

@@ -13,8 +13,6 @@ fn pair() -> Pair {
     Pair::started(Config::default(), Config::default(), clean())
 }
 
-/// Waits until the listener has received a frame. Returns the listener's interrupts at the frame's start and end, and
-/// its FIFO bytes.
 fn receive(pair: &mut Pair) -> ([u8; 4], Vec<u8>) {
     assert!(pair.wait_irq(Side::Listener, 7_000_000), "I_rxs");
     assert_eq!(pair.irqs(Side::Listener)[0], 0x20);
@@ -84,7 +82,7 @@ fn a_frame_is_read_while_it_arrives() {
         most = most.max(n);
         data.extend(pair.read_fifo(Side::Listener, n));
     }
-    // In a millisecond 53 bytes arrive at 424 kbit/s.
+    // In a millisecond 53 bytes arrive.
     assert!((10..=14).contains(&most), "{most} bytes in 200 us");
     assert_eq!(data[1..245], sent);
     assert_eq!(pair.irqs(Side::Listener), [0x10, 0, 0, 0]);
@@ -132,7 +130,6 @@ fn running_dry_breaks_the_frame_off_and_the_receiver_says_so() {
             BrokenFrame::EndsWithError => assert_eq!(pair.irqs(Side::Listener), [0x30, 0, 0x90, 0]),
             BrokenFrame::NeverEnds => assert_eq!(pair.irqs(Side::Listener), [0x20, 0, 0, 0]),
         }
-        // Clear FIFO (DB) and unmask (D1) let the listener recover.
         pair.arm();
         pair.irqs(Side::Poller);
         pair.load(&payload(10, 6));
@@ -147,8 +144,7 @@ fn the_water_level_of_a_long_frame_sets_its_masked_interrupt() {
     pair.load(&payload(244, 5));
     pair.fire();
     let start = pair.now + pair.poller.config().transmit_latency_ns;
-    // I_wl comes when fewer than 200 bytes are in the FIFO: once byte 45 of the payload has left it, 64 + 8 + 44 * 8
-    // bits into the frame.
+    // I_wl comes when byte 45 of the payload has left the FIFO, which then holds fewer than 200 bytes.
     pair.run_to(start + (72 + 44 * 8) * 2_360 - 4_000);
     assert_eq!(pair.irqs(Side::Poller)[0], 0);
     pair.run_for(4_000);
@@ -163,13 +159,11 @@ fn an_unarmed_listener_hears_nothing_until_unmasked() {
     pair.load(&payload(20, 1));
     pair.fire();
     receive(&mut pair);
-    // The next frame comes to a listener that was not armed again (D1).
     pair.load(&payload(20, 2));
     pair.fire();
     pair.run_for(3_000_000);
     assert_eq!(pair.irqs(Side::Listener), [0, 0, 0, 0]);
     assert_eq!(pair.listener.statistics().missed, 1);
-    // A listener that is armed in the middle of a frame receives only the next frame.
     pair.load(&payload(200, 3));
     pair.fire();
     pair.run_for(1_000_000);
@@ -183,7 +177,7 @@ fn an_unarmed_listener_hears_nothing_until_unmasked() {
 
 #[test]
 fn a_sync_already_under_way_is_not_joined() {
-    // Bits 48 to 63 of a frame are its sync. A listener must be armed before the sync to receive the frame.
+    // A frame's sync is its bits 48 to 63.
     for (bits_into, heard) in [(40, true), (50, false), (62, false)] {
         let mut pair = Pair::started(exact(), exact(), clean());
         pair.spi(Side::Listener, &[0xD0]);
@@ -405,7 +399,7 @@ fn initial_field_on_waits_for_silence_and_yields_to_a_foreign_field() {
     pair.spi(Side::Poller, &[0xC8]);
     let fired = pair.now;
     assert!(pair.wait_irq(Side::Poller, 1_000_000));
-    // The poller listens for 4096 carrier cycles before it switches its field on. I_apon follows.
+    // Collision avoidance takes 4096 carrier cycles.
     assert_eq!(pair.now - fired, 302_065 + pair.poller.config().field_on_latency_ns);
     assert_eq!(pair.irqs(Side::Poller), [0, 0, 0, 0x20]);
     assert!(pair.wait_irq(Side::Poller, 1_000_000));
@@ -427,7 +421,6 @@ fn lock_step_with_a_microsecond_of_skew_changes_nothing() {
     pair.poller.select(now);
     pair.poller.transfer(now + 1_000, 0xC4);
     pair.poller.deselect(now + 1_000);
-    // The listener is advanced a microsecond ahead of the poller.
     while now < base + 8_000_000 {
         now += 1_000;
         pair.listener.advance(now + 1_000);
@@ -460,7 +453,6 @@ fn withheld_interrupts_are_not_raised_although_the_frame_arrives() {
     {
         pair.listener.withhold(withheld);
         pair.poller.withhold(withheld);
-        // Prevented interrupts do not keep the frame's bytes from the FIFO.
         assert_eq!(frame(&mut pair), (seen, 23), "{withheld:?}");
     }
 }

@@ -1,5 +1,3 @@
-//! Runs all tests of the front end's model in one binary: each file is a module of it.
-
 mod air;
 mod air_chips;
 mod air_late;

@@ -128,7 +128,7 @@ fn an_interrupt_set_behind_a_mask_raises_the_pin_when_unmasked() {
     assert!(chip.irq());
     assert_eq!(exchange(&mut chip, 800_000, &[0x5A, 0]), [0, 0x80]);
     assert!(!chip.irq());
-    // If an interrupt bit is set after the register's value was latched, the read must not clear it.
+    // The interrupt bit is set after the register's value was latched for the read.
     exchange(&mut chip, 800_000, &[0x02, 0x00]);
     exchange(&mut chip, 800_000, &[0x02, 0x80]);
     chip.select(1_499_000);
@@ -183,8 +183,6 @@ fn no_response_and_wake_up_timers_run_as_set() {
 
 #[test]
 fn clearing_the_fifo_in_mid_frame_never_lets_the_frame_arrive_whole() {
-    // The FIFO is cleared at different bytes of the frame, and in one case loaded again. In each case the rest of the
-    // frame is never sent.
     for (at_ns, reload) in [(200_000, false), (1_000_000, false), (1_000_000, true), (4_500_000, false)] {
         let mut pair = Pair::started(exact(), exact(), clean());
         pair.load(&payload(244, 1));
@@ -198,15 +196,14 @@ fn clearing_the_fifo_in_mid_frame_never_lets_the_frame_arrive_whole() {
             pair.spi(Side::Poller, &load);
         }
         pair.run_for(6_000_000);
-        // The FIFO still holds the bytes that were loaded after it had been cleared.
         assert_eq!(pair.fifo(Side::Poller).0, if reload { 244 } else { 0 });
         assert_eq!(found(&pair.poller, Kind::TransmitUnderflow), 1);
         assert_eq!(pair.fifo(Side::Poller).1 & 0x20, 0x20, "fifo_unf");
         let irqs = pair.irqs(Side::Listener);
         assert_eq!((irqs[0] & 0x10, irqs[2] & 0x90), (0x10, 0x90), "I_rxe with I_crc and I_err1");
         let (n, _) = pair.fifo(Side::Listener);
-        // The number of bytes sent follows from the instant of the clear: a byte takes 8 bits of 32 carrier cycles, and
-        // 64 bits precede LEN.
+        // The number of sent bytes follows from the instant of the clear. A byte takes 18.879 µs, and 64 bits precede
+        // LEN.
         let begun = (at_ns as f64 / 1e3 - 3.65 + 1.0 - 151.0) / 18.879;
         assert!((n as f64 - begun).abs() <= 2.0, "{n} bytes, {begun:.1} had begun");
         assert_eq!(pair.read_fifo(Side::Listener, n)[1..], payload(244, 1)[..n - 1]);
@@ -231,7 +228,7 @@ fn a_frame_loaded_in_parts_and_then_cleared_counts_as_damaged() {
     let mut load = vec![0x80];
     load.extend_from_slice(&payload(244, 1)[16..]);
     pair.spi(Side::Poller, &load);
-    // The air was given only the first 16 bytes. About 40 bytes have been sent when the FIFO is cleared.
+    // The model of the air has only the first 16 bytes. About 40 bytes have been sent when the FIFO is cleared.
     pair.run_for(650_000);
     pair.spi(Side::Poller, &[0xDB]);
     pair.run_for(6_000_000);
@@ -257,7 +254,6 @@ fn a_fifo_cleared_in_time_sends_the_bytes_loaded_after_it() {
     let mut pair = Pair::started(exact(), exact(), clean());
     pair.load(&payload(40, 1));
     pair.fire();
-    // The FIFO is cleared before the frame's first bit is due, so the air has been given no byte.
     let now = pair.now;
     pair.poller.select(now);
     pair.poller.transfer(now + 1_000, 0xDB);
@@ -277,7 +273,7 @@ fn clearing_the_fifo_when_its_last_byte_has_left_harms_nothing() {
     let mut pair = Pair::started(exact(), exact(), clean());
     pair.load(&payload(20, 1));
     pair.fire();
-    // The FIFO is cleared while the CRC is on the air, after 64 bits of preamble and sync, LEN and 20 bytes.
+    // The CRC follows 64 bits of preamble and sync, LEN and 20 bytes.
     pair.run_for(3_650 + (64 + 21 * 8 + 4) * 2_360);
     assert!(pair.poller.is_transmitting());
     pair.spi(Side::Poller, &[0xDB]);
@@ -302,7 +298,7 @@ fn the_water_level_comes_again_each_time_a_reception_reaches_it() {
         let (n, _) = pair.fifo(Side::Poller);
         assert!((300..=301).contains(&n), "{n} bytes at I_wl");
         levels += 1;
-        // After the read 50 bytes are left in the FIFO, so I_wl comes again when 250 more have arrived.
+        // After the controller has read the FIFO, 50 bytes are left. So I_wl comes again after 250 further bytes.
         data.extend(pair.read_fifo(Side::Poller, 250));
     }
     assert_eq!(levels, 4, "at 300, 550, 800 and 1050 bytes");
@@ -328,10 +324,10 @@ fn the_water_level_comes_again_after_the_fifo_was_cleared() {
 #[test]
 fn a_mode_or_rate_that_is_not_modelled_is_reported() {
     for (writes, kind) in [
-        // Mode 88 is an NFC-A target with its anticollision, and mode B8 is active communication.
+        // Mode 88 is an NFC-A target with anticollision, mode B8 is active communication.
         (&[&[0x03u8, 0x88, 0x22][..]], Kind::UnmodelledMode(0x88)),
         (&[&[0x03, 0xB8, 0x22]], Kind::UnmodelledMode(0xB8)),
-        // The bit rate 20 is 106 kbit/s, at which a target does not receive NFC-F.
+        // At the bit rate 20, 106 kbit/s, a target receives no NFC-F.
         (&[&[0x03, 0xA0, 0x20]], Kind::UnmodelledBitRate(0x20)),
     ] {
         let mut pair = Pair::started(exact(), exact(), clean());
@@ -438,7 +434,6 @@ fn only_a_request_for_its_own_system_code_is_answered() {
         pair.fire();
         pair.run_for(6_000_000);
         assert_eq!(pair.air.counters().answers, u64::from(answered), "{asked:02X?}");
-        // A request that the listener does not answer is received like any other frame.
         let expected = if answered { [0x28, 0, 0, 0x18] } else { [0x30, 0, 0, 0] };
         assert_eq!(pair.irqs(Side::Listener), expected);
     }
@@ -449,7 +444,7 @@ fn mode_and_rate_changed_in_mid_frame_are_found_on_either_side() {
     for (write, register, lost) in [
         (&[0x03u8, 0xA4][..], 0x03, true),
         (&[0x04, 0x21], 0x04, true),
-        // A write of 12 to register 04 changes the bit rate of transmission only.
+        // A write of 12 to register 04 changes only the bit rate of transmission.
         (&[0x04, 0x12], 0x04, false),
     ] {
         let mut pair = Pair::started(exact(), exact(), clean());
@@ -461,7 +456,6 @@ fn mode_and_rate_changed_in_mid_frame_are_found_on_either_side() {
         assert_eq!(found(&pair.listener, Kind::ChangedInFrame(register)), 1);
         assert_eq!(pair.irqs(Side::Listener)[0] & 0x10 == 0, lost, "{write:02X?}");
     }
-    // A change of the mode or of the rate leaves a frame unchanged that is being sent.
     for write in [[0x03, 0x08], [0x04, 0x11]] {
         let mut pair = Pair::started(exact(), exact(), clean());
         pair.load(&payload(200, 1));
@@ -472,7 +466,7 @@ fn mode_and_rate_changed_in_mid_frame_are_found_on_either_side() {
         assert_eq!(found(&pair.poller, Kind::ChangedInFrame(write[0])), 1);
         assert_eq!(pair.irqs(Side::Listener), [0x30, 0, 0, 0]);
     }
-    // A write of the value that a register has is no finding. A change between two frames is none either.
+    // A write of the present value is no finding, nor is a change between two frames.
     let mut pair = Pair::started(exact(), exact(), clean());
     pair.load(&payload(200, 1));
     pair.fire();
@@ -545,7 +539,6 @@ proptest! {
             let make = if started { Pair::started } else { Pair::new };
             let mut pair = make(config.clone(), config.clone(), air);
             let mut heard = Vec::new();
-            // The chips' start has left edges of the IRQ pins, which are discarded.
             let mut pins = [Side::Poller, Side::Listener].map(|side| {
                 let chip = pair.chip(side);
                 chip.take_irq_edges().for_each(drop);
@@ -563,7 +556,6 @@ proptest! {
                 for (i, side) in [Side::Poller, Side::Listener].into_iter().enumerate() {
                     let (now, chip) = (pair.now, pair.chip(side));
                     for edge in chip.take_irq_edges() {
-                        // Edges alternate in level and are in order of time.
                         prop_assert!(edge.level != pins[i].0 && edge.at_ns >= pins[i].1 && edge.at_ns <= now);
                         pins[i] = (edge.level, edge.at_ns);
                     }

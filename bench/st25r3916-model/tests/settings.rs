@@ -66,8 +66,6 @@ fn a_supply_that_a_measurement_may_read_as_either_range_suits_both() {
 
 #[test]
 fn supply_and_tuning_are_looked_at_whatever_puts_the_part_to_work() {
-    // In the first case the field and the oscillator go on together. In the second the receiver goes on without an
-    // adjustment of the regulators.
     for operation in [[0x88, 0x88], [0x80, 0xC0]] {
         let mut pair = Pair::new(Config::default(), Config::default(), clean());
         pair.spi(Side::Poller, &[0x01, 0x9C]);
@@ -88,8 +86,7 @@ fn supply_and_tuning_are_looked_at_whatever_puts_the_part_to_work() {
 fn the_measured_supply_is_the_one_that_is_selected() {
     let mut pair = Pair::new(Config::default(), Config::default(), clean());
     pair.start(Side::Poller);
-    // The cases are the supplies VDD, VDD_A, VDD_D, VDD_RF and VDD_AM with their measured steps, and a code without a
-    // supply.
+    // A case has the code of a supply (VDD, VDD_A, VDD_D, VDD_RF, VDD_AM, none) and the measured steps.
     for (mpsv, steps) in [(0, 213), (1, 128), (2, 128), (3, 128), (4, 115), (5, 0)] {
         pair.spi(Side::Poller, &[0x2C, mpsv]);
         pair.spi(Side::Poller, &[0xDF]);
@@ -137,13 +134,11 @@ fn antenna_tuning_without_aat_en_is_found_when_the_antenna_is_used() {
             );
         }
     }
-    // The finding also comes if the antenna is tuned after the chip has begun to listen.
     let mut pair = Pair::started(Config::default(), Config::default(), clean());
     pair.spi(Side::Listener, &[0x01, 0x1C]);
     assert_eq!(found(&pair.listener, Kind::AntennaTuningOff), 0);
     pair.spi(Side::Listener, &[0x27, 0xFF]);
     assert_eq!(found(&pair.listener, Kind::AntennaTuningOff), 1);
-    // The finding also comes if the antenna is tuned before the chip becomes a target.
     let mut pair = Pair::new(Config::default(), Config::default(), clean());
     pair.start(Side::Listener);
     pair.spi(Side::Listener, &[0x01, 0x1C]);
@@ -164,8 +159,8 @@ fn a_finding_names_register_value_and_technology() {
 
 type Finding = (Space, u8, u8);
 
-/// Lets the listener receive a frame after `writes` to a suitable receive chain. Returns the findings about the receive
-/// chain, and the number of frames received.
+/// Lets the listener receive a frame after `writes` to a suitable receive chain. Returns the findings about the chain,
+/// and the number of received frames.
 fn listens_with(writes: &[&[u8]], config: Config) -> (Vec<Finding>, u64) {
     let mut pair = Pair::started(Config::default(), config, clean());
     for w in writes {
@@ -218,8 +213,8 @@ fn each_setting_that_a_public_driver_receives_nfc_f_with_is_accepted() {
 #[test]
 fn each_register_of_the_receive_chain_is_looked_at() {
     let cases: [(&[u8], Finding); 8] = [
-        // These settings are unsuitable: a high-pass zero at 600 kHz, zeros at 60 and 400 kHz, a low-pass of 300 kHz,
-        // and a code that does not exist.
+        // The settings are a high-pass zero at 600 kHz, zeros at 60 and 400 kHz, a low-pass of 300 kHz, and an
+        // undefined code.
         (&[0x0B, 0x18], (Space::A, 0x0B, 0x18)),
         (&[0x0B, 0x10], (Space::A, 0x0B, 0x10)),
         (&[0x0B, 0x23], (Space::A, 0x0B, 0x23)),
@@ -250,12 +245,10 @@ fn an_nfc_a_poller_with_an_nfc_f_receive_chain_is_reported() {
     }
 }
 
-/// Returns a configuration in which unsuitable settings have effects on the air.
 fn strict(config: Config) -> Config {
     Config { unsuited_chain_receives: false, unsuited_modulation_reaches: false, ..config }
 }
 
-/// Returns two started chips, with the listener's antenna in tune.
 fn strict_pair(config: &Config) -> Pair {
     let mut pair = Pair::started(strict(config.clone()), strict(config.clone()), clean());
     let [a, b] = config.tuning[1];
@@ -263,7 +256,6 @@ fn strict_pair(config: &Config) -> Pair {
     pair
 }
 
-/// Sends a frame from the poller and returns whether the listener receives it.
 fn arrives(pair: &mut Pair) -> bool {
     let before = pair.listener.statistics().received;
     pair.arm();
@@ -287,7 +279,7 @@ fn a_poller_that_cannot_modulate_nfc_f_is_not_heard() {
         (b, &[0x28, 0x00], (Space::A, 0x28, 0x00)),
         (b, &[0x28, 0xC0], (Space::A, 0x28, 0xC0)),
         (b, &[0x28, 0x4F], (Space::A, 0x28, 0x4F)),
-        // The writes of B28 and of 01 lead to undocumented combinations of dis_reg_am and act_amsink.
+        // These writes lead to undocumented combinations of dis_reg_am and act_amsink.
         (b, &[0xFB, 0x28, 0x04], (Space::B, 0x28, 0x04)),
         (b, &[0x01, 0x3D], (Space::B, 0x28, 0x84)),
         (b, &[0xFB, 0x2E, 0x01], (Space::B, 0x2E, 0x01)),
@@ -363,8 +355,7 @@ fn a_field_detector_without_hysteresis_is_a_finding() {
 
 #[test]
 fn the_field_detector_has_hysteresis() {
-    // The field's voltage at the detector is 350 mV. trg of register 2A selects a threshold of detection from 75 to 800
-    // mV.
+    // The field has 350 mV at the detector, whose threshold trg selects.
     for (trg, seen) in [(1, true), (4, true), (5, false), (7, false)] {
         let mut pair = Pair::new(Config::default(), Config::default(), clean());
         pair.start_listener();

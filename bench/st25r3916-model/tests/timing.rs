@@ -49,7 +49,6 @@ fn a_clock_that_was_not_told_counts_as_the_fastest() {
 
 #[test]
 fn the_pin_never_falls_before_the_byte_that_was_read() {
-    // The chip's clock rate is set to 1 MHz, but the byte ends only 500 ns after the byte before.
     let mut chip = with_irq(1_000_000);
     chip.select(720_000);
     chip.transfer(730_000, 0x5A);
@@ -80,7 +79,6 @@ fn an_interrupt_within_the_byte_that_clears_another_makes_a_pulse() {
     // The no-response timer takes 64 carrier cycles, 4.720 us.
     chip.select(804_000);
     chip.transfer(805_000, 0x5A);
-    // The bench reads the IRQ pin in the middle of the byte, but passes the byte to the chip only at its end.
     chip.advance(806_720);
     assert!(chip.irq());
     chip.transfer(807_200, 0x00);
@@ -149,7 +147,6 @@ fn edges_that_nobody_takes_do_not_pile_up() {
     assert!(edges.windows(2).all(|w| w[0].at_ns < w[1].at_ns && w[0].level != w[1].level));
 }
 
-/// Returns the times from the end of the transmit command to the first bit of `frames` frames, ns.
 fn starts(config: Config, frames: u64) -> Vec<u64> {
     let mut pair = Pair::started(config, exact(), Air::new(0, AirFaults::default()));
     (0..frames)
@@ -173,7 +170,7 @@ fn the_start_of_transmission_scatters_over_what_is_set_around_its_mean() {
         assert!(most - least > scatter * 95 / 100, "{least} to {most}");
         let average = seen.iter().sum::<u64>() / 500;
         assert!(average.abs_diff(mean) < scatter / 20, "{average}");
-        // If the scatter is uniform, a quarter of the frames starts in each quarter of the range.
+        // A uniform scatter has a quarter of the frames in each quarter of the range.
         let quarter = seen.iter().filter(|s| **s < mean - scatter / 4).count();
         assert!((90..=160).contains(&quarter), "{quarter} of 500 in the first quarter");
     }

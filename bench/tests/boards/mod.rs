@@ -10,13 +10,14 @@ use nrf52840::{Nrf52840, Settings};
 use st25r3916_model::{Chip, Config};
 use stm32f429::{Oscillators, Stm32f429};
 
-/// Returns a failure if `ci` is set, because no one reads the output there. `how` says how to get what is missing.
+/// Returns words that tell the user what is missing and, by `how`, how to get it. In CI these words are an error,
+/// because nobody reads messages there.
 pub(crate) fn verdict(ci: bool, missing: &str, how: &str) -> Result<String, String> {
     let words = format!("not run: {missing} ({how})");
     if ci { Err(words) } else { Ok(words) }
 }
 
-/// Reports that a test is not run because a file or a tool is missing.
+/// Prints that a test is not run because a file or a tool is missing.
 ///
 /// # Panics
 ///
@@ -31,8 +32,7 @@ pub(crate) fn not_run(missing: &str, how: &str) {
 /// The advice for a missing program file.
 const HOW: &str = "`cargo xtask test` builds the images and says in LINK_IMAGES where they are";
 
-/// The path of the ELF file called `name` for `receivers` receivers, or `None` (reported, see [`not_run`]) if it was
-/// not built.
+/// The path of an ELF file that was built for `receivers` receivers; `None` and a message if it is missing.
 pub(crate) fn image(receivers: usize, name: &str) -> Option<PathBuf> {
     let Some(folder) = std::env::var_os("LINK_IMAGES").map(PathBuf::from) else {
         not_run("LINK_IMAGES is not set", HOW);
@@ -41,7 +41,6 @@ pub(crate) fn image(receivers: usize, name: &str) -> Option<PathBuf> {
     image_at(&folder.join(format!("gps-{receivers}")).join(name))
 }
 
-/// The path of the hold's ELF file, or `None` (reported, see [`not_run`]) if it was not built.
 pub(crate) fn hold_image() -> Option<PathBuf> {
     image_at(&PathBuf::from(std::env::var_os("LINK_IMAGES")?).join("hold-fw.elf"))
 }
@@ -65,7 +64,6 @@ fn chip() -> Chip {
     Chip::new(Config { vdd_mv: 5000, ..Config::default() })
 }
 
-/// HORUS's board with three receivers that send nothing; `None` if the firmware was not built.
 pub(crate) fn horus() -> Option<Node<Horus>> {
     horus_on(Oscillators::default())
 }
@@ -89,7 +87,6 @@ pub(crate) fn hold(seed: u64) -> Option<Node<Hold>> {
     Some(Node::new(Nrf52840::new(Settings::default()), Hold::new(chip(), seed), &image).unwrap())
 }
 
-/// The DPR's board outside any field; `None` if the firmware was not built.
 pub(crate) fn dpr() -> Option<Node<Dpr>> {
     dpr_on(Settings::default())
 }

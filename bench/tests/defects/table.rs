@@ -1,9 +1,9 @@
 //! Defects that a hurried change could leave in the sources. Each has a change of one file, the run of `cargo xtask
 //! sim` that shows the defect, and the resulting violation.
 //!
-//! `cargo xtask defects` builds a copy of the workspace that contains all defects, and runs each defect separately
-//! (`xtask/src/defects.rs`). A run chooses its defect. In a new text the word `DEFECT` stands for this choice. If a new
-//! text lacks the word, the program contains both texts, and executes the new one if the defect is chosen.
+//! `cargo xtask defects` builds a copy of the workspace with all defects, and a run chooses one of them
+//! (`xtask/src/defects.rs`). The word `DEFECT` in a new text stands for the choice. Without that word the program
+//! contains both texts, and executes the new one if the defect is chosen.
 //!
 //! The old text of a row must occur exactly once in its file, and not in a `const fn`.
 
@@ -55,23 +55,16 @@ const ORDER: &str = "base-station/src/drone/order.rs";
 const PLAIN: &str = "--seconds 6";
 /// A run in which the receivers start with their factory settings.
 const FACTORY: &str = "--seconds 8 --factory-settings";
-/// A run with faults of receivers and their lines.
 const GNSS: &str = "--seconds 20 --seed 3 --faults gnss";
 /// A run with faults of receivers and their lines, in which all receivers jump at once.
 const JUMPS: &str = "--seconds 20 --seed 6 --faults gnss";
-/// A run with faults of the air and the front ends.
 const AIR: &str = "--seconds 20 --seed 4 --faults air";
-/// A run with misuses by the flight controller.
 const FC: &str = "--seconds 20 --seed 5 --faults fc";
-/// A run with faults of supplies and reset pins.
 const POWER: &str = "--seconds 20 --seed 6 --faults power";
-/// A run with faulty bits in the DPR's buffers.
 const BUFFERS: &str = "--seconds 20 --seed 12 --faults buffers";
-/// A run with faults of HORUS's state inputs.
 const STATES: &str = "--seconds 20 --seed 8 --faults inputs";
 /// A run in which boards hang, and tasks are dead.
 const HANG: &str = "--seconds 20 --seed 9 --faults hang";
-/// A run in which bits of the front ends' registers flip.
 const CHIPS: &str = "--seconds 20 --seed 10 --faults chips";
 /// The longest run, with all kinds of faults except those of the chips.
 const LONG: &str = "--seconds 60 --seed 31 --faults air,gnss,fc,power,buffers,inputs,hang";

@@ -5,7 +5,6 @@ use crate::thumb::FLASH;
 pub(crate) const ET_EXEC: u16 = 2;
 pub(crate) const EM_ARM: u16 = 40;
 
-/// Returns a 32-bit little-endian ELF file with these segments and symbols (System V ABI).
 pub(crate) fn elf(kind: u16, machine: u16, segments: &[(u64, Vec<u8>)], symbols: &[(&str, u32)]) -> Vec<u8> {
     const HEADER: usize = 52;
     const PROGRAM_HEADER: usize = 32;
@@ -24,7 +23,7 @@ pub(crate) fn elf(kind: u16, machine: u16, segments: &[(u64, Vec<u8>)], symbols:
     let symbol_table = at(&body);
     body.extend([0; 16]);
     for (name, address) in symbols {
-        // The symbol is a global object in section SHN_ABS (0xFFF1), which marks an absolute address.
+        // The symbol is global and absolute (SHN_ABS, 0xFFF1).
         body.extend(words(&[u32::try_from(names.len()).unwrap(), *address, 4, 0xFFF1_0011]));
         names.extend(name.bytes().chain([0]));
     }

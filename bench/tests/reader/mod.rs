@@ -53,7 +53,6 @@ pub(crate) fn transact(node: &mut Node<Dpr>, bytes: usize, mosi: u8) -> Vec<u8> 
     carry(node, Order { filler: Filler::Byte(mosi), ..Order::read(bytes) })
 }
 
-/// Makes a transaction now, and waits for the gap after it. Returns the bytes on MISO.
 pub(crate) fn carry(node: &mut Node<Dpr>, order: Order) -> Vec<u8> {
     carry_by(node, order, |node, end| {
         while node.now() < end {
@@ -62,7 +61,7 @@ pub(crate) fn carry(node: &mut Node<Dpr>, order: Order) -> Vec<u8> {
     })
 }
 
-/// Makes a transaction as [`carry`] does, while `pass` runs the board to each instant.
+/// Makes a transaction like [`carry`]. The function `pass` runs the board to each instant.
 pub(crate) fn carry_by(node: &mut Node<Dpr>, order: Order, mut pass: impl FnMut(&mut Node<Dpr>, u64)) -> Vec<u8> {
     let mut master = SsiMaster::new(Crystal::default());
     let start = Start { bench_ns: node.now(), own_ns: 0 };
@@ -81,7 +80,6 @@ pub(crate) fn view(node: &mut Node<Dpr>) -> View {
     View::of(at, &transact(node, layout().image_len(), 0))
 }
 
-/// Reads images up to `end`, with a pause of 2 ms between two reads.
 pub(crate) fn views(node: &mut Node<Dpr>, end: u64) -> Vec<View> {
     let mut all = vec![];
     while node.now() < end {
@@ -94,7 +92,7 @@ pub(crate) fn views(node: &mut Node<Dpr>, end: u64) -> Vec<View> {
     all
 }
 
-/// Returns the payload of a cycle's frame with `timestamp` (ms), in which every object is valid.
+/// Returns the payload of a frame whose objects are all valid and have this timestamp (ms).
 pub(crate) fn payload(timestamp: u32) -> Vec<u8> {
     let gps = GpsValues { status: GpsStatus::new().with_position_valid(true), ..GpsValues::absent(timestamp) };
     let reported = ReportedValues {
@@ -104,7 +102,6 @@ pub(crate) fn payload(timestamp: u32) -> Vec<u8> {
     Profile::<RECEIVERS>::seal(&reported, &[gps; RECEIVERS]).as_bytes().to_vec()
 }
 
-/// The time on the air of a frame with [`payload`], ns.
 pub(crate) fn frame_ns() -> u64 {
     air_time_ns(u8::try_from(payload(0).len()).expect("it fits one frame"))
 }
@@ -179,7 +176,7 @@ impl Upstream<Horus> for Antenna {
     }
 }
 
-/// A flight controller that reads the whole image again and again, and the air to the DPR's front end.
+/// A flight controller that reads the image all the time, and the air to the DPR.
 pub(crate) struct Reader {
     master: SsiMaster,
     pub(crate) views: Vec<View>,
@@ -192,7 +189,7 @@ pub(crate) struct Reader {
 
 const FIRST_READ: u64 = 20 * MS;
 
-/// The pause between two transactions, ns. It does not divide HORUS's cycle, so transactions come at many phases.
+/// The pause between two transactions, ns. It does not divide HORUS's cycle, so that transactions have many phases.
 const PAUSE: u64 = 1_830 * US;
 
 impl Reader {

@@ -13,7 +13,7 @@ table! {
     a_radio_that_drops_profiles => Row::new(Violation::BaseMissed, || {
         for_a_while(Fault::Wire(WireFault::RadioDrop))
     });
-    // The radio disturbs one profile only, because several damaged profiles would also disturb the framing.
+    // A single profile is disturbed. Several disturbed profiles would also disturb the radio's framing.
     a_radio_that_inverts_a_bit => Row::new(Violation::BaseChanged, || {
         Faults::none().with(breaks(), breaks() + 8 * MS, Fault::Wire(WireFault::RadioBit))
     });
@@ -39,7 +39,7 @@ table! {
     a_flight_controller_that_forwards_nothing => Row::new(Violation::NotForwarded, || {
         for_a_while(Fault::Wire(WireFault::ClientMute))
     });
-    // No further profile arrives, so the displayed one gets old.
+    // No further profile arrives, so the displayed age is wrong.
     a_base_station_that_takes_all_for_new => Row {
         duration: || 1_200 * MS,
         ..Row::new(Violation::StationAge, || {
@@ -48,7 +48,7 @@ table! {
             Faults::none().with(breaks(), until, Fault::Base(BaseFault::Young)).with(breaks(), until, Fault::Air(lost))
         })
     };
-    // The base station must raise an alarm while the receivers have no solution yet and there is no position.
+    // There is no position before the receivers' first solutions, so an alarm is required.
     a_base_station_that_alarms_nobody => Row::new(Violation::StationAlarm, || {
         Faults::none().with(0, u64::MAX, Fault::Base(BaseFault::Calm))
     });

@@ -12,28 +12,24 @@ use super::{MS, Row, US, breaks, table};
 const SPI1_CR1: u32 = 0x4001_3000;
 /// IWDG_KR, the key register of the STM32's watchdog (RM0090 21.4.1).
 const IWDG_KR: u32 = 0x4000_3000;
-/// The key that reloads the STM32's watchdog.
 const IWDG_RELOAD: u32 = 0xAAAA;
 
-/// The key that starts the STM32's watchdog.
 const IWDG_START: u32 = 0xCCCC;
-/// The nRF52840's WDT, whose first register starts the watchdog (PS 6.36).
+/// The address of the nRF52840's watchdog (PS 6.36), whose first register starts it.
 const WDT: u32 = 0x4001_0000;
 
-/// Returns a fault that makes a word in the telemetry of `board` nonzero from [`breaks`] on.
 fn counts(board: Board, symbol: &str, offset: usize) -> Faults {
     let offset = u32::try_from(offset).unwrap();
     let poke = ImageFault::Poke { symbol: symbol.into(), offset, bytes: vec![1, 0, 0, 0] };
     Faults::none().with(breaks(), u64::MAX, Fault::Image(board, poke))
 }
 
-/// Returns a fault that overwrites the number of channels in the control block of `board`'s log at [`breaks`].
 fn log_destroyed(board: Board) -> Faults {
     let poke = ImageFault::Poke { symbol: "_SEGGER_RTT".into(), offset: 16, bytes: vec![0xFF; 4] };
     Faults::none().with(breaks(), u64::MAX, Fault::Image(board, poke))
 }
 
-/// Returns two upsets of one bit of flash: the bit flips, and flips back 1 µs later, before the firmware reads it.
+/// Returns upsets that flip a bit of flash and flip it back 1 µs later, before the firmware checks the bit.
 fn flash_flips(board: Board, address: u32) -> Faults {
     let flip = || Fault::Upset(board, Upset::Flash { address, bit: 1 });
     Faults::none().with(breaks(), breaks(), flip()).with(breaks() + US, breaks() + US, flip())
@@ -60,8 +56,7 @@ table! {
         duration: || 1_000 * MS,
         ..Row::new(Violation::HorusRestarted, Faults::none)
     };
-    // With one bit of it inverted, the stack pointer leads outside the memory. The next interrupt therefore causes a
-    // fault, and the watchdog ends the safe state.
+    // The stack pointer leads outside the memory, so the next interrupt causes a fault and the watchdog resets the DPR.
     a_dpr_whose_stack_pointer_lost_a_bit => Row {
         duration: || 3_000 * MS,
         ..Row::new(Violation::DprRestarted, || {
@@ -101,8 +96,7 @@ table! {
         added: || Faults::none().with(breaks() - 100 * MS, breaks() - 50 * MS, Fault::Air(AirFaults::default())),
         ..Row::new(Violation::Late, Faults::none)
     };
-    // The bit of flash flips back before the firmware checks the flash, so the upset that the log states is never
-    // found.
+    // The log states a changed bit of flash that the firmware cannot find.
     flash_of_horus_that_nobody_finds_changed => Row {
         duration: || breaks() + 10_050 * MS,
         ..Row::new(Violation::FaultUnnoticed, || flash_flips(Board::Horus, 0x0800_0004))

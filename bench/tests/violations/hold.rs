@@ -15,12 +15,11 @@ fn with_hold(setup: &mut Setup) {
     setup.writes = true;
 }
 
-/// Returns a row whose run of 4 s has a hold. From 2 s on one of its faults makes the run differ from the log.
+/// Returns a row with a hold beside the link and a run of 4 s.
 const fn row(violation: Violation, faults: fn() -> Faults) -> Row {
     Row { duration: || 4_000 * MS, setup: with_hold, ..Row::new(violation, faults) }
 }
 
-/// Another constant in the hold's program from its start on.
 fn constant(of: u32, value: u32) -> Faults {
     Faults::none().with(0, u64::MAX, Fault::Hold(HoldFault::Constant { of, value }))
 }
@@ -37,7 +36,7 @@ fn broken(what: Break) -> Faults {
 
 table! {
     a_hold_that_sends_nothing => row(Violation::HoldSilent, || broken(Break::Mute));
-    // The firmware checks the beats by another timer, so the time from slot to beat that it expects is changed as well.
+    // The firmware checks the length of its cycle by a second timer, so the length expected there is changed as well.
     a_hold_with_a_cycle_of_96_ms => row(Violation::HoldEarly, || {
         let expected = Fault::Hold(HoldFault::Constant { of: 24_500, value: 23_500 });
         constant(25_000, 24_000).with(0, u64::MAX, expected)

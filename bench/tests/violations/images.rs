@@ -1,4 +1,4 @@
-//! Changes to release programs at addresses that have to be searched for.
+//! Changes release programs at addresses that depend on the build.
 
 use std::path::PathBuf;
 
@@ -15,10 +15,9 @@ use stm32f429::{Oscillators, Stm32f429};
 use super::MS;
 use super::boards::RAM_TEST;
 
-/// How long the stores of a board are recorded from its start, ns.
+/// The time from the start, ns, in which the stores of a board are recorded.
 const RECORDED: u64 = RAM_TEST + 30 * MS;
-/// The number of bytes of flash that are compared to find what a patch has changed, more than a program and its stubs
-/// have.
+/// The number of bytes of flash in which a patch's changes are searched for: more than a program and its stubs have.
 const FLASH: usize = 0x4_4000;
 pub(super) const ALWAYS: (u64, u64) = (0, u64::MAX);
 const WAIT: [u8; 2] = 0xBF30_u16.to_le_bytes();
@@ -46,8 +45,7 @@ fn dpr(setup: &Setup) -> Node<Dpr> {
     Node::new(Nrf52840::new(Settings::default()), Dpr::new(chip(), false), &image(setup, Board::Dpr)).unwrap()
 }
 
-/// Patches the program of `board` between `at` and `until` (ns) so that it stores other values to registers. Its CRC is
-/// corrected.
+/// Patches the program of `board` between `at` and `until` (ns) so that it stores other values to registers.
 pub(super) fn stores(setup: &mut Setup, board: Board, (at, until): (u64, u64), changes: &[Change]) {
     let patches = match board {
         Board::Horus => patches(horus(setup), changes),
@@ -59,7 +57,7 @@ pub(super) fn stores(setup: &mut Setup, board: Board, (at, until): (u64, u64), c
     }
 }
 
-/// Returns the addresses at which [`rewrite`] has changed flash, each with the new bytes.
+/// Returns the address and the new bytes of each place in flash that [`rewrite`] has changed.
 fn patches<B: Powered>(mut node: Node<B>, changes: &[Change]) -> Vec<(u32, Vec<u8>)> {
     let recording = Recording::of(&mut node.clone(), RECORDED, |node| {
         node.board_mut(|board| board.front_end().take_air());
@@ -84,12 +82,11 @@ fn patches<B: Powered>(mut node: Node<B>, changes: &[Change]) -> Vec<(u32, Vec<u
             _ => patches.push((address, vec![after])),
         }
     }
-    // The stubs must be in flash before the branches to them.
+    // In this order the stubs are written before the branches that lead to them.
     patches.reverse();
     patches
 }
 
-/// Keeps the task `idle` of `board` awake from `at` (ns) on.
 pub(super) fn awake(setup: &mut Setup, board: Board, at: u64) {
     let firmware = image(setup, board);
     let idle = firmware.functions_called("idle").next().expect("the task idle");
@@ -106,7 +103,7 @@ pub(super) fn awake(setup: &mut Setup, board: Board, at: u64) {
         }
         Board::Dpr => {
             let mut node = dpr(setup);
-            // The board's start must first copy the code of the task to RAM.
+            // The code of the task is in RAM only after the start.
             while node.now() < RECORDED {
                 node.advance(RECORDED);
             }
@@ -118,7 +115,6 @@ pub(super) fn awake(setup: &mut Setup, board: Board, at: u64) {
     setup.faults.add(Episode { at, until: u64::MAX, fault });
 }
 
-/// Hides the telemetry of `board`'s program by giving its symbol another name.
 pub(super) fn without_telemetry(setup: &mut Setup, board: Board) {
     let (path, symbol) = match board {
         Board::Horus => (&mut setup.images.horus, "HORUS_TELEMETRY"),
@@ -136,17 +132,14 @@ pub(super) fn without_telemetry(setup: &mut Setup, board: Board) {
     std::fs::write(&*path, elf).unwrap();
 }
 
-/// Returns a change that sets the bits of `mask` to `value` in every store to `address`.
 pub(super) const fn bits(address: u32, mask: u32, value: u32) -> Change {
     Change { address, to: To::Bits { mask, value } }
 }
 
-/// Returns a change that replaces `of` by `value` in stores to `address`.
 pub(super) const fn instead(address: u32, of: u32, value: u32) -> Change {
     Change { address, to: To::Instead { of, value } }
 }
 
-/// Returns a change that omits all stores to `address`.
 pub(super) const fn never(address: u32) -> Change {
     Change { address, to: To::Nothing }
 }

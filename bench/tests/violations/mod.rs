@@ -1,7 +1,7 @@
-//! The table of violations. Each row breaks the world or a release program so that the judge reports one violation and
-//! no other. Only a firmware's own fault counter may report the fault too. A violation without a row fails the table.
+//! The table of violations. Each row makes the surroundings or a release program fail so that the judge reports one
+//! violation. In addition, the judge may report only the firmware's own fault counter. Every violation has a row.
 //!
-//! The event log of each row is judged twice, and a third time after it was stored and read again. The verdicts must be
+//! The event log of each row is judged in pieces, as a whole, and after it was stored and read. The verdicts must be
 //! equal.
 
 use crate::boards;
@@ -23,7 +23,7 @@ use bench_judge::{Log, Violation, What, judge};
 const US: u64 = 1_000;
 const MS: u64 = 1_000_000;
 
-/// The instant at which both boards have started and the link has been up for 200 ms, ns.
+/// The instant, ns, at which the link has been up for 200 ms.
 const SETTLED: u64 = 300 * MS;
 
 /// The time from a tick of HORUS until the image of its cycle can be read, with three receivers, ns.
@@ -32,14 +32,13 @@ const READABLE: u64 = 5 * MS;
 /// The flight controller's control cycle, ns. One transaction ends in any interval of this length.
 const CONTROL_CYCLE: u64 = 4 * MS;
 
-/// The instants after [`SETTLED`] at which faults begin and the flight controller reads; see [`breaks_with`] and
-/// [`reads`].
+/// The instants after [`SETTLED`] at which faults begin and the flight controller reads ([`breaks_with`], [`reads`]).
 struct Beat {
     breaks: u64,
     reads: u64,
 }
 
-/// Returns the instants at which faults begin in a link with `gps` receivers. They depend on the program: its check
+/// Returns the instants at which faults begin in a link with `gps` receivers. They depend on the program, whose start
 /// delays HORUS's first tick.
 ///
 /// # Panics
@@ -64,8 +63,8 @@ fn beat(gps: usize) -> &'static Beat {
     })
 }
 
-/// Returns the instant at which a row's fault begins, ns: [`READABLE`] after a tick of HORUS, and less than half a
-/// control cycle before the next read.
+/// Returns the instant, ns, at which faults begin: [`READABLE`] after a tick of HORUS, and less than half a control
+/// cycle before a transaction.
 fn breaks_with(gps: usize) -> u64 {
     beat(gps).breaks
 }
@@ -74,21 +73,20 @@ fn breaks() -> u64 {
     breaks_with(3)
 }
 
-/// Returns the instant of the flight controller's first transaction after [`breaks`], ns.
 fn reads() -> u64 {
     beat(3).reads
 }
 
 struct Row {
-    /// The violation that the judge must report first. Beside it only `also` may be reported.
+    /// The violation that the judge must report first.
     violation: Violation,
-    /// The violation that the firmware's own fault counter causes for the same fault.
+    /// The violation by the firmware's own fault counter, which the judge may report too.
     also: Option<Violation>,
     gps: usize,
     duration: fn() -> u64,
     setup: fn(&mut Setup),
     faults: fn() -> Faults,
-    /// Faults that are added to the bench only when both boards have reached [`breaks_with`].
+    /// Faults that are added to the bench when both boards have reached [`breaks_with`].
     added: fn() -> Faults,
 }
 
@@ -142,7 +140,7 @@ fn holds(row: &Row) {
     assert_eq!(judge(&read), finished.verdict, "a stored log judged again");
 }
 
-/// Defines a file's rows, each with a test of its own.
+/// Makes a test of each row.
 macro_rules! table {
     ($($name:ident => $row:expr;)*) => {
         pub(super) const ROWS: &[Row] = &[$($row,)*];
@@ -171,7 +169,7 @@ fn the_world_breaks_when_the_image_of_a_cycle_is_readable() {
     assert!(nearest <= 200 * US, "{nearest} ns lie between them");
 }
 
-/// A sound world has no violation, so the violation of a row is due to the row's fault.
+/// A run without faults must have no violation, so that a row's violation is due to its fault.
 #[test]
 fn a_sound_world_shows_no_violation() {
     for gps in [1, 2, 3, 5] {

@@ -30,12 +30,10 @@ fn image(fault: ImageFault, duration: u64) -> Faults {
     Faults::none().with(breaks(), breaks() + duration, Fault::Image(Board::Horus, fault))
 }
 
-/// Returns a fault that gives the variable or table `symbol` of HORUS other bytes.
 fn poke(symbol: &str, bytes: &[u8]) -> ImageFault {
     ImageFault::Poke { symbol: symbol.into(), offset: 0, bytes: bytes.into() }
 }
 
-/// Returns a fault that replaces bytes in the code of a function of HORUS.
 fn replaced(function: &str, was: &[u8], is: &[u8]) -> ImageFault {
     ImageFault::Replaced { function: function.into(), was: was.into(), is: is.into() }
 }
@@ -43,7 +41,7 @@ fn replaced(function: &str, was: &[u8], is: &[u8]) -> ImageFault {
 /// The upper words of the float64 numbers 1e7 and 2e7. HORUS divides latitude and longitude by 1e7.
 const DIVISOR: (u32, u32) = (0x4163_12D0, 0x4173_12D0);
 
-/// The time since a receiver's last message, ms, from which HORUS no longer reports that messages arrive from it.
+/// The time, ms, without a message after which HORUS reports that no messages arrive from a receiver.
 const NOT_HEARD: u8 = {
     assert!(HEARD_MS < 0xFF);
     HEARD_MS as u8 + 1
@@ -61,14 +59,12 @@ const MINUS_ONE: u32 = 0xBF80_0000;
 const TWO: u32 = 0x4000_0000;
 const MILLION_MILLIONS: u32 = 0x5368_D4A5;
 
-/// Returns faults that give constants of the voter other values from [`breaks`] on.
 fn voter(constants: &[(u32, u32)]) -> Faults {
     let constants = constants.iter().map(|(of, value)| ImageFault::Constant { of: *of, value: *value });
     constants
         .fold(Faults::none(), |faults, fault| faults.with(breaks(), u64::MAX / 2, Fault::Image(Board::Horus, fault)))
 }
 
-/// Adds to `faults` an offset of GPS2 by `north` m, which begins 200 ms before the voter's constants are changed.
 fn with_offset(faults: Faults, north: i32) -> Faults {
     let fault = ReceiverFault::Offset { north, east: 0, up: 0 };
     faults.with(breaks() - 200 * MS, u64::MAX / 2, Fault::Receiver(1, fault))
@@ -82,7 +78,7 @@ table! {
         setup: |setup| setup.crystals.horus_ppb = 25_000_000,
         ..Row::new(Violation::TickIrregular, Faults::none)
     };
-    // The task of the SPI's transfers does nothing for 35 ms, so no frame is loaded.
+    // The fault keeps the task that loads frames over SPI from doing anything for 35 ms.
     the_transfers_task_is_dead => Row {
         also: Some(Violation::HorusComplains),
         ..Row::new(Violation::NoFrame, || image(ImageFault::Dead("DMA2_STREAM0".into()), 35 * MS))
@@ -115,7 +111,8 @@ table! {
     a_wrong_table_of_the_position_crc => {
         Row::new(Violation::SentInvalid, || image(poke("crc::POSITION_TABLE", &[0; 1024]), 45 * MS))
     };
-    // The count changes between the clearing of the RAM and the first tick; later HORUS holds it against its vote.
+    // The fault changes HORUS's count of ticks before the first tick. After it, HORUS compares the count with the tick
+    // of its vote and would stop.
     a_count_of_ticks_that_does_not_begin_with_zero => Row {
         also: Some(Violation::HorusComplains),
         ..Row::new(Violation::TimestampWrong, || Faults::none().with(
@@ -157,7 +154,7 @@ table! {
         let switches = Fault::Input(0, InputFault::Active);
         wire(WireFault::InputsUnseen, 300 * MS).with(breaks() + MS, breaks() + 61 * MS, switches)
     });
-    // PE3 stays an input. It is the chip select of the receiver on SPI.
+    // In the changed program, PE3, chip select of the receiver on SPI, stays an input.
     a_receiver_that_is_never_selected => Row {
         duration: || 1_800 * MS,
         setup: |setup| stores(setup, Board::Horus, ALWAYS, &[bits(GPIOE_MODER, 0xC0, 0)]),
@@ -166,7 +163,7 @@ table! {
     a_voter_that_is_too_strict => {
         Row::new(Violation::ExclusionWrong, || with_offset(voter(&[(CEILING, TWO)]), 3))
     };
-    // PD5 stays an input. HORUS sends to GPS1 on it.
+    // In the changed program, PD5, on which HORUS sends to GPS1, stays an input.
     a_receiver_that_hears_nothing_keeps_its_factory_settings => Row {
         gps: 1,
         duration: || 5_600 * MS,
@@ -182,12 +179,10 @@ table! {
             Faults::none().with(1, u64::MAX, Fault::Wire(WireFault::Sky(ReceiverFault::NoFix)))
         })
     };
-    // The receivers have the offset before their first solution, so the position does not jump.
     receivers_that_are_all_off_by_as_much => Row::new(Violation::PositionOff, || {
         let off = ReceiverFault::Offset { north: 40, east: 0, up: 0 };
         Faults::none().with(1, u64::MAX, Fault::Wire(WireFault::Sky(off)))
     });
-    // The program never switches HORUS's external oscillator on.
     a_horus_that_does_not_use_its_crystal => Row {
         setup: |setup| stores(setup, Board::Horus, ALWAYS, &[bits(RCC_CR, 0x1_0000, 0)]),
         ..Row::new(Violation::CrystalWrong, Faults::none)

@@ -10,21 +10,20 @@ use dpr_fw::telemetry::Telemetry;
 use super::images::{ALWAYS, instead, stores};
 use super::{CONTROL_CYCLE, MS, Row, US, bench, breaks, breaks_with, reads, run, setup, table};
 
-/// The cycle of HORUS, ns. Exactly one frame begins in any interval of this length.
+/// The length of HORUS's cycle, in which one frame begins, ns.
 const CYCLE: u64 = 10 * MS;
 
-/// Returns faults of the air that lose all frames from `at` to `until`.
 fn lost(at: u64, until: u64) -> Faults {
     Faults::none().with(at, until, Fault::Air(AirFaults { lost: 1.0, ..AirFaults::default() }))
 }
 
-/// Adds a bridge in the SSI that hangs from `at` on, and so repeats the last image.
+/// Adds a bridge in the SSI that hangs and so repeats the last image from `at` on.
 fn hangs(faults: Faults, at: u64) -> Faults {
     let wire = |faults: Faults, fault| faults.with(at, u64::MAX, Fault::Wire(fault));
     wire(wire(faults, WireFault::FreshStuck), WireFault::MisoFrozen)
 }
 
-/// Returns faults with which the SSI hangs while the last frame before a silence is still in the image.
+/// Returns faults by which a bridge in the SSI hangs with the last frame before a silence.
 fn hangs_in_silence() -> Faults {
     hangs(lost(breaks(), u64::MAX), breaks() + 8 * MS)
 }
@@ -33,13 +32,12 @@ fn of_wire(at: u64, until: u64, fault: WireFault) -> Faults {
     Faults::none().with(at, until, Fault::Wire(fault))
 }
 
-/// Returns a fault that inverts `bits` of byte `byte` of Link-Status in one transaction.
 fn link_status(byte: usize, bits: u8) -> Faults {
     of_wire(breaks(), breaks() + CONTROL_CYCLE, WireFault::MisoForged { object: None, byte, bits })
 }
 
 fn regressed() -> Faults {
-    // Two transactions read the same image. The fault makes the second one repeat an older transaction.
+    // The fault makes the second transaction that reads an image repeat the bytes of an older transaction.
     let begins = reads() + CONTROL_CYCLE / 2;
     of_wire(begins, begins + CONTROL_CYCLE, WireFault::MisoReplay { age_ns: CYCLE })
 }
@@ -47,8 +45,7 @@ fn regressed() -> Faults {
 /// The nRF52840's register that enables PPI channels (PS 6.16).
 const PPI_CHENSET: u32 = 0x4001_F504;
 
-/// Returns faults with which the DPR hangs while it has a new image. The flight controller reads the image after its
-/// expiry.
+/// Returns faults by which the DPR hangs with a new image, which the flight controller reads after its expiry.
 fn hangs_with_an_image() -> Faults {
     let silent = Fault::FlightController(Conduct::Silent);
     Faults::none().with(breaks(), breaks() + 30 * MS, silent).with(
@@ -60,14 +57,14 @@ fn hangs_with_an_image() -> Faults {
 
 table! {
     vacant => Row::new(Violation::Vacant, || of_wire(breaks(), u64::MAX, WireFault::MisoVacant { object: 2 }));
-    // Some cycles are read without any object, although Link-Status reports that all were accepted.
+    // The faults remove each object for some cycles, although Link-Status calls all objects accepted.
     not_shown => Row::new(Violation::NotShown, || {
         let vacant = |faults: Faults, object| {
             faults.with(breaks(), breaks() + 3 * CYCLE, Fault::Wire(WireFault::MisoVacant { object }))
         };
         (0..=3).fold(Faults::none(), vacant)
     });
-    // The front end fails. No object is shown, even after the time that its bring-up may take.
+    // The front end fails, and no object is shown for longer than its bring-up may take.
     recovers_late => Row {
         duration: || 780 * MS,
         ..Row::new(Violation::RecoversLate, || {
@@ -92,32 +89,32 @@ table! {
     shown_never_sent => Row::new(Violation::ShownNeverSent, || {
         of_wire(breaks(), u64::MAX, WireFault::MisoForged { object: Some(2), byte: 30, bits: 0x10 })
     });
-    // A repeated frame makes the DPR remove its cycle from the image. The hung SSI still shows the cycle.
+    // A repeated frame makes the DPR remove its cycle from the image, but the bridge in the SSI still shows the cycle.
     shown_out_of_sequence => Row {
         gps: 1,
         duration: || breaks_with(1) + 2 * CYCLE,
         ..Row::new(Violation::ShownOutOfSequence, || {
             let repeated = AirFaults { repeated: 1.0, repeat_after_ns: (2 * MS, 2 * MS), ..AirFaults::default() };
-            // Each frame is repeated 2 ms after its end. The flight controller reads after the repetition and before
-            // the next frame.
+            // The frame is repeated 2 ms after its end. The flight controller reads after the repetition and before the
+            // next frame.
             let begins = breaks_with(1) + 750 * US;
             hangs(Faults::none().with(begins, begins + CYCLE, Fault::Air(repeated)), begins + CYCLE)
         })
     };
     shown_stale => Row { duration: || breaks() + 2 * CYCLE, ..Row::new(Violation::ShownStale, hangs_in_silence) };
-    // The task that detects a silence of frames does nothing for 9 ms. It works again before the image expires.
+    // The task that detects missing frames does nothing for a time that ends before the image expires.
     shown_stale_while_the_deadline_is_dead => Row::new(Violation::ShownStale, || {
         let dead = Fault::Image(Board::Dpr, ImageFault::Dead("TIMER1".into()));
         lost(breaks(), breaks() + 2 * CYCLE).with(breaks() + 8 * MS, breaks() + 21 * MS, dead)
     });
     shown_expired => Row::new(Violation::ShownExpired, hangs_in_silence);
-    // The two PPI channels that let an image expire in hardware are disabled.
+    // The changed program disables the two PPI channels that let an image expire in hardware.
     shown_expired_by_a_dpr_that_hangs => Row {
         setup: |setup| stores(setup, Board::Dpr, ALWAYS, &[instead(PPI_CHENSET, 2, 0), instead(PPI_CHENSET, 4, 0)]),
         ..Row::new(Violation::ShownExpired, hangs_with_an_image)
     };
-    // A transaction repeats the bytes of the previous cycle. The flight controller's clock is slow, so that no
-    // transaction is under way when FRESH rises.
+    // A transaction repeats the bytes of an earlier one. The flight controller's slow clock keeps transactions away
+    // from the rises of FRESH.
     regression => Row {
         setup: |setup| setup.crystals.flight_controller_ppb = -1_000_000,
         ..Row::new(Violation::Regression, regressed)
@@ -144,7 +141,7 @@ table! {
 
 #[test]
 fn each_field_of_port_status_is_judged() {
-    // Each row has a field of Link-Status, one of its bytes, and the bits to invert.
+    // A row has a field of Port-Status, the index of one of its bytes, and the inverted bits.
     let fields = [
         ("time", 1, 0x10),
         ("uplink of the base station fresh", 6, 0x01),
@@ -193,13 +190,13 @@ fn figures(duration: fn() -> u64, faults: fn() -> Faults) -> Option<(bench_judge
 
 #[test]
 fn recovery_lasts_from_a_causes_end_until_a_later_frame_is_read() {
-    // After 10 missed cycles the DPR shows the first frame, which is read within two cycles.
+    // After 10 missed cycles the DPR shows the first frame.
     let Some((short, _)) = figures(|| 1_000 * MS, || lost(breaks(), breaks() + 10 * CYCLE)) else { return };
     assert!((1..=2).contains(&short.max_recovery_cycles.unwrap()), "{short:?}");
     // After 30 missed cycles the DPR has to find the sequence again, and shows the fourth frame.
     let (long, _) = figures(|| 1_200 * MS, || lost(breaks(), breaks() + 30 * CYCLE)).unwrap();
     assert!((4..=5).contains(&long.max_recovery_cycles.unwrap()), "{long:?}");
-    // A disturbance that ends less than 400 ms before the run's end, or never, does not count.
+    // Without 400 ms between its end and the run's end, a disturbance is not measured.
     for until in [breaks() + 10 * CYCLE, u64::MAX] {
         let faults: fn() -> Faults =
             if until == u64::MAX { || lost(breaks(), u64::MAX) } else { || lost(breaks(), breaks() + 10 * CYCLE) };
@@ -223,7 +220,7 @@ fn every_invalid_object_that_is_read_as_valid_is_counted() {
     let transactions = log.events.iter().filter(during).count() as u64;
     assert!(transactions >= 12, "{transactions}");
     assert_eq!(faults.invalid_shown_valid, 2 * transactions);
-    // Objects that are read after newer ones have been valid before, so they do not count as invalid.
+    // An object that is older than one read before has been valid, so it does not count.
     let (regressed, _) = figures(|| 400 * MS, regressed).unwrap();
     assert_eq!(regressed.invalid_shown_valid, 0);
     let (sound, _) = figures(|| 400 * MS, Faults::none).unwrap();

@@ -15,11 +15,12 @@ const DEADLINE: &str = "TIMER1";
 /// CC[2], a compare register of the DPR's TIMER2 (PS 6.30).
 const TIMER2_CC2: u32 = 0x4000_A548;
 
-/// The ticks per microsecond of the timer that fires HORUS's send slots: 72 MHz.
+/// The frequency of the timer that fires HORUS's send slots, MHz.
 const TICKS_PER_US: u32 = 72;
-/// The instant at which HORUS sends the second frame of five receivers, µs after its tick.
+/// The slot of the second frame of five receivers, µs after HORUS's tick.
 const SECOND_SLOT_US: u32 = 4_130;
-/// The counts per microsecond by which HORUS checks its slots: SysTick has 18 MHz, in the upper 24 bits of a word.
+/// HORUS checks its slots by SysTick, which runs at 18 MHz. The number of counts in a microsecond, as the check shifts
+/// it by 8 bits.
 const SYSTICK_COUNTS_PER_US: u32 = 18 << 8;
 
 fn wire(at: u64, ns: u64, fault: WireFault) -> Faults {
@@ -30,8 +31,8 @@ fn dpr(at: u64, ns: u64, fault: ImageFault) -> Faults {
     Faults::none().with(at, at + ns, Fault::Image(Board::Dpr, fault))
 }
 
-/// Returns a sweep over `frames` cycles with one transaction in each. It begins `ns` after the end of the first frame,
-/// and 1 µs later after each following frame.
+/// Returns a sweep with one transaction in each of `frames` cycles: `ns` after the first frame's end, and 1 µs later in
+/// each further cycle.
 fn after_each_frame(ns: i64, frames: u32) -> Sweep {
     let read = Placement { edge: Edge::Falls, after_ns: 0, bytes: None };
     let to_ns = ns + i64::from(frames - 1) * 1_000;
@@ -41,19 +42,19 @@ fn after_each_frame(ns: i64, frames: u32) -> Sweep {
 table! {
     a_front_end_whose_load_modulator_works_by_itself_answers =>
         Row::new(Violation::Answered, || wire(breaks(), 100 * MS, WireFault::AntennaAnswers));
-    // The first three cycles have one transaction each, and later cycles have none.
+    // Only the first three cycles have a transaction.
     a_flight_controller_that_stops_reading_makes_no_transaction => Row {
         setup: |setup| setup.sweep = Some(after_each_frame(200_000, 3)),
         ..Row::new(Violation::NoTransaction, Faults::none)
     };
-    // The run ends before the DPR's watchdog resets it, just after the longest time that a start may take.
+    // The run ends after the longest time of a start, before the watchdog resets the DPR.
     a_firmware_whose_commit_task_does_nothing_never_gets_ready => Row {
         also: Some(Violation::DprComplains),
         duration: || 100 * MS + 3 * US,
         ..Row::new(Violation::NeverReady, || {
             let sealed = ImageFault::Patch { address: 0, bytes: vec![], sealed: true };
             let dead = |task: &str| Fault::Image(Board::Dpr, ImageFault::Dead(task.into()));
-            // The tasks `commit` and `deadline` are both dead, because either of them would publish an image.
+            // Both tasks that can publish an image are dead, because either of them alone would publish one.
             let both = Faults::none().with(0, u64::MAX, dead(COMMIT)).with(0, u64::MAX, dead(DEADLINE));
             both.with(0, u64::MAX, Fault::Image(Board::Dpr, sealed))
         })
@@ -70,7 +71,7 @@ table! {
         Row::new(Violation::Damaged, || wire(breaks(), 100 * MS, WireFault::MisoBit { byte: 110, bit: 3 }));
     objects_in_each_others_places_are_misplaced =>
         Row::new(Violation::Misplaced, || wire(breaks(), 100 * MS, WireFault::MisoSwap));
-    // The flight controller's clock is slow, so that no transaction is under way when FRESH rises.
+    // The flight controller's slow clock keeps transactions away from the rises of FRESH.
     a_fresh_that_rises_without_a_new_image_announces_nothing_new => Row {
         setup: |setup| setup.crystals.flight_controller_ppb = -1_000_000,
         ..Row::new(Violation::FreshNotNew, || wire(breaks(), 100 * MS, WireFault::FreshGlitch))
@@ -85,17 +86,16 @@ table! {
             ..Row::new(Violation::FreshUnreadable, || {
                 let other = Identifier(Identifier::LINK_STATUS.0 + 0x100);
                 let (of, value) = (Identifier::LINK_STATUS.0.into(), other.0.into());
-                // While a frame arrives, the DPR's program gets another constant for Link-Status's identifier.
+                // The fault gives the DPR another constant for Link-Status's identifier while a frame arrives.
                 dpr(breaks() - 2 * MS, 100 * MS, ImageFault::Constant { of, value })
             })
         };
-    // With five receivers a cycle has two frames. The late one ends just before the next tick, so its image is
-    // published after that tick.
+    // The late second frame ends just before the next tick, after which its image is published.
     a_second_frame_in_a_late_slot_makes_its_sample_late => Row {
         gps: 5,
         ..Row::new(Violation::LateSample, || {
-            // The firmware checks its slots by SysTick, so the times that it expects are changed as well. The compiler
-            // adds each in two parts: 4010 µs from slot to slot, and 5870 µs from there to the tick.
+            // The firmware checks its slots by SysTick, so the expected times are changed as well: 4010 µs between the
+            // slots, and 5870 µs to the tick. The compiler adds either time in two parts.
             [
                 (SECOND_SLOT_US * TICKS_PER_US, (SECOND_SLOT_US + 2_230) * TICKS_PER_US),
                 (4_010 * SYSTICK_COUNTS_PER_US - 0x1_F400, 6_240 * SYSTICK_COUNTS_PER_US - 0xC000),
@@ -109,7 +109,7 @@ table! {
             })
         })
     };
-    // A frame is lost. At its deadline the DPR takes the buffers by itself, and no transaction reads the image.
+    // At the deadline of a lost frame, the DPR takes the buffers from the SPIS although no transaction has ended.
     a_processor_that_keeps_the_buffers_without_a_transaction_holds_the_ssi_back => Row {
         setup: |setup| setup.sweep = Some(after_each_frame(200_000, 60)),
         ..Row::new(Violation::HeldBack, || {
@@ -120,7 +120,7 @@ table! {
     };
     a_miso_line_that_is_stuck_high_for_one_transaction_serves_nothing =>
         Row::new(Violation::Unserved, || wire(reads() - US, CONTROL_CYCLE / 2, WireFault::MisoOnes));
-    // The timer that ends FRESH's pulse gets half of its compare value, so the pulse is too short.
+    // The changed program halves the compare value that ends FRESH's pulse.
     a_fresh_that_is_high_for_half_as_long_is_too_short => Row {
         setup: |setup| stores(setup, Board::Dpr, ALWAYS, &[instead(TIMER2_CC2, 2, 1)]),
         ..Row::new(Violation::FreshShort, Faults::none)

@@ -16,7 +16,7 @@ const DPR_RUN: u64 = 200 * MS;
 const HASTY: std::ops::Range<u64> = 110 * MS..120 * MS;
 const READ_EVERY: u64 = 2 * MS;
 
-/// What was observed of the DPR from outside during a run.
+/// The observations of the DPR from outside during a run.
 #[derive(Clone, Debug, Default)]
 struct Shows {
     silent: usize,
@@ -124,12 +124,12 @@ fn deaf_for(seen: &Shows, reason: &str) -> bool {
         && seen.restarts.is_empty()
 }
 
-/// Returns whether frames are received and published, but no intact Link-Status is read.
 fn mute(seen: &Shows) -> bool {
     seen.received == 8 && seen.fresh.0 >= 10 && seen.intact == 0 && seen.valid == 0 && seen.restarts.is_empty()
 }
 
-/// Returns whether frames are received and published, but an undriven line, or SPIS's default character, is read.
+/// Returns whether every transaction reads only an undriven line or SPIS's default character. Frames must be received
+/// and published all the same.
 fn mute_and_silent(seen: &Shows) -> bool {
     mute(seen) && seen.silent == seen.all
 }
@@ -193,7 +193,7 @@ const DPR_ROWS: &[Row<Shows>] = &[
     row("SPIS1: CPHA", &[bits(SPIS1 + 0x554, 7, 2)], Expected::Finding("another SPI mode"), mute),
     row("SPIS1: CPOL", &[bits(SPIS1 + 0x554, 7, 4)], Expected::Finding("another SPI mode"), mute),
     row("SPIS1: least significant bit first", &[bits(SPIS1 + 0x554, 7, 1)], Expected::Nothing, |seen| {
-        // A row of 0xFF bytes is the same in either bit order.
+        // A transaction that reads only 0xFF reads the same in either bit order.
         mute(seen) && seen.silent < seen.all / 2
     }),
     row("SPIS1: MISO on P1.07", &[bits(SPIS1 + 0x50C, 0x3F, 0x27)], Expected::Nothing, mute_and_silent),
@@ -232,8 +232,8 @@ const DPR_ROWS: &[Row<Shows>] = &[
         let granted = READ_EVERY * u64::from(BUDGET);
         shows_as_ever(seen) && (granted..granted + 3 * READ_EVERY).contains(&seen.stale) && seen.expired == 0
     }),
-    // Two settings of TIMER3 are not changed here: its mode keeps the reset value, and eight bits suffice for the
-    // pause.
+    // Two settings of TIMER3 have no row: its mode keeps the reset value anyway, and a width of eight bits suffices for
+    // the pause.
     row("TIMER3: prescaler 2^9", &[bits(TIMER3 + 0x510, 0xF, 9)], Expected::Nothing, |seen| {
         seen.received == 8 && seen.valid < 25 && seen.intact < 60 && seen.restarts.is_empty()
     }),
@@ -281,18 +281,16 @@ const DPR_ROWS: &[Row<Shows>] = &[
     }),
 ];
 
-/// Returns whether the watchdog restarts the DPR every 100 ms and nothing else does.
 fn restarts_by_watchdog(seen: &Shows) -> bool {
     seen.restarts == [Reset::Watchdog("WDT"); 2]
 }
 
-/// Returns whether images are published late, because the firmware detects the end of a transfer only after the
-/// driver's wait of 2 ms.
+/// Returns whether images are published late. The firmware then detects the end of a transfer only after the driver's
+/// wait of 2 ms.
 fn publishes_late(seen: &Shows) -> bool {
     seen.received == 8 && seen.publish_us > 1_000
 }
 
-/// Returns whether images are published, but few of them can be read.
 fn rarely_shows(seen: &Shows) -> bool {
     seen.received == 8 && seen.silent > 60 && seen.valid < 10
 }

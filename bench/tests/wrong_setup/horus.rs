@@ -4,7 +4,7 @@ use super::*;
 
 const HORUS_RUN: u64 = RAM_TEST + 250 * MS;
 
-/// What was observed of HORUS from outside during a run.
+/// The observations of HORUS from outside during a run.
 #[derive(Clone, Debug, Default)]
 struct Sends {
     frames: Vec<u64>,
@@ -137,7 +137,6 @@ const TIM2: u32 = 0x4000_0000;
 const TIM5: u32 = 0x4000_0C00;
 const IWDG: u32 = 0x4000_3000;
 
-/// Returns whether only the first receiver is lost, and a frame is sent every 10 ms.
 fn first_receiver_alone_is_lost(seen: &Sends) -> bool {
     let [first, second, third] = seen.valid;
     first == 0 && second >= 20 && third >= 20 && seen.messages == [0, 11, 11] && on_time(seen)

@@ -25,17 +25,14 @@ use profile::{GpsObject, Identifier, ReportedPosition};
 use reader::{MS, View, field_on, payload, send, view};
 use st25r3916_model::AirEvent;
 
-/// Returns a change that sets the bits of `mask` to `value` in every store to `address`.
 const fn bits(address: u32, mask: u32, value: u32) -> Change {
     Change { address, to: To::Bits { mask, value } }
 }
 
-/// Returns a change that replaces `of` by `value` in stores to `address`.
 const fn instead(address: u32, of: u32, value: u32) -> Change {
     Change { address, to: To::Instead { of, value } }
 }
 
-/// Returns a change that omits all stores to `address`.
 const fn never(address: u32) -> Change {
     Change { address, to: To::Nothing }
 }
@@ -65,7 +62,6 @@ const fn row<S>(what: &'static str, changes: &'static [Change], told: Expected, 
     Row { what, changes, seen, told }
 }
 
-/// Runs every row on a patched clone of `board` and checks the row's expectations.
 fn check<S: Debug>(rows: &[Row<S>], healthy: &S, run: impl Fn(&[Change]) -> (S, Vec<String>)) {
     let mut wrong = vec![];
     for row in rows {
@@ -109,7 +105,8 @@ fn words(findings: Vec<Finding>) -> Vec<String> {
 /// The interrupts' enable registers, ARMv7-M ARM B3.4.4.
 const ISER: u32 = 0xE000_E100;
 
-/// Returns a change of the store to ISER register `word` that would enable the interrupts `of`. It then enables none.
+/// Returns a change of the store to ISER register `word` that enables the interrupts `of`. The changed store enables
+/// none of them.
 const fn never_iser(word: u32, of: u32) -> Change {
     instead(ISER + 4 * word, of, 0)
 }

@@ -1,17 +1,17 @@
 //! Response times of tasks with fixed priorities, from execution times and arrivals: pure functions.
 //!
-//! The response time of a task is the time from its release to its end. Its bound is the least fixed point of
-//! `w = B + C + interference(w)`, where C is its execution time, B the longest time for which a less urgent task keeps
-//! it from running, and the interference is what more urgent tasks can demand in a window of the length w (M. Joseph,
-//! P. Pandya, *Finding response times in a real-time system*, The Computer Journal 29 (5), 1986). Tasks of the same
+//! The response time of a task is the time from its release to its end. Its bound is the least fixed point of `w = B +
+//! C + interference(w)` (M. Joseph, P. Pandya, *Finding response times in a real-time system*, The Computer Journal 29
+//! (5), 1986). C is the task's execution time, and B the longest time for which a less urgent task keeps it from
+//! running. The interference is what more urgent tasks can demand in a window of the length w. Tasks of the same
 //! priority count as more urgent, since any of them may be served first. A task that may be released again before it
 //! has ended is looked at job by job until the processor is idle (J. P. Lehoczky, *Fixed priority scheduling of
 //! periodic task sets with arbitrary deadlines*, RTSS 1990).
 //!
 //! All times are in one unit, here ns.
 
-/// How often a task is released at most: in any window of the length `within` at most `most` times, and each release at
-/// least `apart` after the one before it.
+/// An upper bound of a task's releases: at most `most` in any window of the length `within`, and each at least `apart`
+/// after the one before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Arrivals {
     /// The greatest number of releases in a window, at least 1.
@@ -23,13 +23,13 @@ pub struct Arrivals {
 }
 
 impl Arrivals {
-    /// Releases that are at least `period` apart.
+    /// Returns the arrivals of a task whose releases are at least `period` apart.
     #[must_use]
     pub const fn every(period: u64) -> Self {
         Self { most: 1, within: period, apart: period }
     }
 
-    /// The greatest number of releases in a half-open window of the length `window`.
+    /// Returns the greatest number of releases in a half-open window of this length.
     #[must_use]
     pub const fn count(self, window: u64) -> u64 {
         let (whole, rest) = (window / self.within, window % self.within);
@@ -37,24 +37,24 @@ impl Arrivals {
         whole * self.most + if burst < self.most { burst } else { self.most }
     }
 
-    /// The earliest time after a first release at which release number `number` (from 0) can come.
+    /// Returns the earliest time of release `number` (from 0), counted from the first release.
     const fn earliest(self, number: u64) -> u64 {
         let (whole, rest) = (number / self.most, number % self.most);
         whole * self.within + rest * self.apart
     }
 }
 
-/// The most execution time that is demanded in any window of a length: a staircase with steps of equal width.
+/// The greatest execution time that a group of tasks demands in any window of a length, as a staircase.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Curve {
     /// The width of a step, above 0.
     pub step: u64,
-    /// The demand in windows up to the end of each step; it does not fall.
+    /// For each step, the execution time that a window up to the end of this step demands. The values never fall.
     pub demands: Vec<u64>,
 }
 
 impl Curve {
-    /// The demand in windows of this length; `None` beyond the last step.
+    /// Returns the greatest demand in a window of this length; `None` beyond the last step.
     #[must_use]
     pub fn demand(&self, window: u64) -> Option<u64> {
         if window == 0 {
@@ -64,10 +64,10 @@ impl Curve {
     }
 }
 
-/// What delays a task beside its own execution and blocking.
+/// What delays a task, besides its own execution and blocking by less urgent code.
 #[derive(Clone, Copy, Debug)]
 pub enum Interference<'a> {
-    /// A task by its arrivals and its execution time. Its releases may come late by up to `jitter`.
+    /// Another task, with its arrivals and its execution time. Its releases may be late by up to `jitter`.
     Task {
         /// The arrivals without jitter.
         arrivals: Arrivals,
@@ -76,7 +76,7 @@ pub enum Interference<'a> {
         /// The execution time of a job.
         cost: u64,
     },
-    /// Any group of tasks by its demand in a window, which is longer than the one looked at by `jitter`.
+    /// A group of tasks, with its demand in a window. `jitter` extends the window.
     Curve {
         /// The demand.
         curve: &'a Curve,
@@ -94,9 +94,9 @@ impl Interference<'_> {
     }
 }
 
-/// The bound of the response time of a task with the execution time `cost` that less urgent tasks block for up to
-/// `blocking`. `own` has the task's arrivals if it can be released again before it has ended. Returns `None` if there
-/// is no bound up to `limit`.
+/// Returns the bound of the response time of a task with the execution time `cost`, which less urgent code blocks for
+/// up to `blocking`. `own` has the arrivals of a task that may be released before it has ended. Without a bound up to
+/// `limit`, the result is `None`.
 #[must_use]
 pub fn response(
     cost: u64,
@@ -134,7 +134,7 @@ fn fixed_point(work: u64, interference: &[Interference<'_>], limit: u64) -> Opti
     None
 }
 
-/// Whether these tasks demand more than the whole processor, so that the time until it is idle has no bound.
+/// Returns whether these tasks demand more than the whole processor. If so, there is no bound.
 fn overloads(own: Arrivals, cost: u64, interference: &[Interference<'_>]) -> bool {
     let share = |arrivals: Arrivals, cost: u64| (arrivals.most * cost) as f64 / arrivals.within as f64;
     let others = interference.iter().map(|it| match *it {

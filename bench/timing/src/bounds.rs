@@ -1,4 +1,4 @@
-//! The bound of each task's response time, from what is stated and what a search has shown.
+//! Calculates the bound of each task's response time from the stated arrivals and the observed execution times.
 
 use serde::Serialize;
 
@@ -6,10 +6,10 @@ use crate::analysis::{self, Interference};
 use crate::search::BoardSeen;
 use crate::tasks::{Bounded, Stated, Table};
 
-/// The highest load of a processor, docs/design.md#timing.
+/// The highest allowed load of a processor (docs/design.md#timing).
 pub const MOST_LOAD: f64 = 0.1;
 
-/// The least part of a stack that no search has used.
+/// The smallest part of a stack that must stay unused in all runs of a search.
 pub const STACK_ROOM: f64 = 0.25;
 
 /// A task's figures, times in ns.
@@ -17,35 +17,35 @@ pub const STACK_ROOM: f64 = 0.25;
 pub struct TaskFigures {
     /// The task's name.
     pub task: &'static str,
-    /// Its interrupt vector.
+    /// The task's interrupt vector.
     pub vector: &'static str,
-    /// Its priority in the firmware, 1 for the least urgent.
+    /// The task's priority in the firmware, 1 for the least urgent.
     pub priority: u8,
-    /// The stated arrivals: at most `releases` in `within_ns`, each at least `apart_ns` after the one before.
+    /// The greatest number of releases in `within_ns`, each at least `apart_ns` after the one before.
     pub releases: u64,
     /// The window of the stated arrivals.
     pub within_ns: u64,
-    /// The stated shortest time between two releases.
+    /// The shortest time between two releases, as stated.
     pub apart_ns: u64,
-    /// Where these come from.
+    /// The source of the stated arrivals.
     pub arrivals_from: &'static str,
-    /// The number of jobs that were seen.
+    /// The number of observed jobs.
     pub jobs: u64,
-    /// The longest execution that was seen, with the longest exception entry and return.
+    /// The longest observed execution of the task, with the longest exception entry and return.
     pub execution_ns: u64,
-    /// The longest time for which less urgent code masks its priority.
+    /// The longest time for which less urgent code masks the task's priority.
     pub blocking_ns: u64,
-    /// What more urgent tasks and those of the same priority add to the bound; `None` without a bound.
+    /// The time that more urgent tasks, and those of the same priority, add to the bound; `None` without a bound.
     pub interference_ns: Option<u64>,
-    /// The longest response that was seen.
+    /// The longest observed response time.
     pub seen_ns: u64,
-    /// The bound of its response; `None` if there is none up to twice its deadline.
+    /// The bound of the task's response time; `None` if there is none up to twice the deadline.
     pub bound_ns: Option<u64>,
-    /// Its deadline.
+    /// The task's deadline.
     pub deadline_ns: u64,
-    /// Where the deadline comes from.
+    /// The source of the deadline.
     pub deadline_from: &'static str,
-    /// What does not hold.
+    /// The task's requirements that are not met, in words.
     pub faults: Vec<String>,
 }
 
@@ -56,18 +56,18 @@ pub struct BoardFigures {
     pub board: &'static str,
     /// The tasks, the most urgent first.
     pub tasks: Vec<TaskFigures>,
-    /// The highest load in half a second, 0 to 1.
+    /// The highest load of the processor in half a second, 0 to 1.
     pub load: f64,
     /// The bytes of the stack that were used.
     pub stack_used: usize,
     /// The bytes of the stack.
     pub stack: usize,
-    /// What does not hold of the board as a whole.
+    /// The board's requirements that are not met, in words.
     pub faults: Vec<String>,
 }
 
 impl BoardFigures {
-    /// Everything that does not hold, each with what it is about.
+    /// All unmet requirements of the board and its tasks, in words.
     pub fn all_faults(&self) -> impl Iterator<Item = String> {
         let of_board = self.faults.iter().map(|fault| format!("{}: {fault}", self.board));
         let of_task = |task: &TaskFigures| {
@@ -78,10 +78,11 @@ impl BoardFigures {
     }
 }
 
-/// The figures of a board with these tasks, from what a search has shown.
+/// Returns the figures of a board with these tasks, from the observations of a search.
 #[must_use]
 pub fn figures(table: &Table, seen: &BoardSeen) -> BoardFigures {
-    // A bound needs those of the tasks that are as urgent or more, and each round finds further ones.
+    // A task's bound depends on the bounds of tasks that are as urgent or more, so the calculation is repeated until
+    // nothing changes.
     let round = |known: &[TaskFigures]| (0..table.tasks.len()).map(|at| task(table, seen, at, known)).collect();
     let mut tasks: Vec<TaskFigures> = round(&[]);
     for _ in 0..table.tasks.len() {
@@ -92,7 +93,7 @@ pub fn figures(table: &Table, seen: &BoardSeen) -> BoardFigures {
         tasks = next;
     }
     let mut faults = vec![];
-    // The design bounds the two processors of the link.
+    // docs/design.md#timing bounds the load of only two boards.
     if seen.load > MOST_LOAD && table.is_of_the_link {
         faults.push(format!("a load of {:.1} %, above {:.0} %", 100.0 * seen.load, 100.0 * MOST_LOAD));
     }
@@ -104,7 +105,7 @@ pub fn figures(table: &Table, seen: &BoardSeen) -> BoardFigures {
     BoardFigures { board: table.board, tasks, load: seen.load, stack_used: used, stack: size, faults }
 }
 
-/// The figures of the task `at`; `known` has what is known of all tasks so far.
+/// Returns the figures of the task `at`. `known` has the figures of all tasks from the previous round.
 fn task(table: &Table, seen: &BoardSeen, at: usize, known: &[TaskFigures]) -> TaskFigures {
     let stated = &table.tasks[at];
     let shown = &seen.observations.tasks[at];
@@ -119,8 +120,8 @@ fn task(table: &Table, seen: &BoardSeen, at: usize, known: &[TaskFigures]) -> Ta
         let is_delay = other != at && its.priority <= stated.priority && its.vector != stated.vector;
         let bounded = if its.group == stated.group { its.group.on_itself() } else { its.group.on_others() };
         if is_delay && bounded == Bounded::Stated {
-            // In fixed phases the window begins with this task's release, and not with the busy time before it: what
-            // was released before may not have ended.
+            // If the tasks have fixed phases, releases count from this task's release. An earlier job of the other task
+            // may then still be unfinished.
             let jitter = if fixed_phases { response_of(its, known.get(other)) } else { 0 };
             interference.push(Interference::Task {
                 arrivals: its.arrivals,
@@ -168,8 +169,8 @@ fn response_of(stated: &Stated, figures: Option<&TaskFigures>) -> u64 {
     figures.and_then(|figures| figures.bound_ns).unwrap_or(2 * stated.deadline)
 }
 
-/// The longest execution that was seen, with entry and return. A task whose jobs have two rows does the other work
-/// first if that is still to be done.
+/// Returns the longest observed execution, with exception entry and return. If a task has two rows, the jobs of the
+/// second may do the work of the first too.
 fn execution(table: &Table, seen: &BoardSeen, task: usize) -> u64 {
     let stated = &table.tasks[task];
     let is_first = |it: &&Stated| it.vector == stated.vector && it.together.is_none();
@@ -221,7 +222,7 @@ fn faults(stated: &Stated, seen: &BoardSeen, at: usize, figures: &TaskFigures) -
             us(stated.arrivals.apart)
         ));
     }
-    // An interrupt is entered between two instructions, and the longest ones take some twenty cycles with wait states.
+    // An interrupt waits for the end of an instruction, which may take some twenty cycles with wait states.
     if shown.blocked > figures.blocking_ns + 500 {
         faults.push(format!(
             "it was held back for {:.1} µs, above the blocking {:.1} µs",
@@ -324,7 +325,7 @@ mod tests {
     use crate::analysis::Curve;
     use crate::observe::{Observations, Seen};
 
-    /// What a search has shown of the hold's tasks: each ran 10 µs, alone.
+    /// Returns observations of the hold's tasks in which each ran for 10 µs alone.
     fn seen(table: &Table) -> BoardSeen {
         let own = Curve { step: 1_000_000, demands: vec![0; 100] };
         let task = Seen { jobs: 1, body: 10_000, response: 10_000, most: 1, own, ..Seen::default() };

@@ -1,4 +1,4 @@
-//! One cycle as a picture, and a run for a trace viewer.
+//! Draws one cycle of the boards' tasks as a picture, and writes a run for a trace viewer.
 
 use bench_judge::{HoldEvent, Log, What};
 use serde_json::json;
@@ -6,30 +6,30 @@ use serde_json::json;
 use crate::search::{Run, Shown};
 use crate::tasks::Table;
 
-/// A bar: what it is, its begin and end in ns.
+/// A bar of a chart, with its name, its beginning and its end (ns).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Bar {
-    /// What it is.
+    /// The bar's name.
     pub name: String,
-    /// Its begin.
+    /// The beginning of the bar, ns.
     pub from: u64,
-    /// Its end.
+    /// The end of the bar, ns.
     pub to: u64,
 }
 
 /// A lane of a chart.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Lane {
-    /// What the lane belongs to: a board, the air, the SSI.
+    /// The group of the lane: a board, the air, or the SSI.
     pub group: String,
     /// The lane's name.
     pub name: String,
-    /// Its bars, in order of time.
+    /// The lane's bars, in order of time.
     pub bars: Vec<Bar>,
 }
 
-/// The lanes of a run that was observed with spans: HORUS's tasks by priority, the air, the DPR's tasks, the SSI, and
-/// with a hold its tasks and its air.
+/// Returns the lanes of a run that was observed with spans: HORUS's tasks by priority, the air, the DPR's tasks, the
+/// SSI, and the tasks and the air of a hold.
 #[must_use]
 pub fn lanes(run: &Run, shown: &Shown) -> Vec<Lane> {
     let mut lanes = vec![];
@@ -60,7 +60,8 @@ pub fn lanes(run: &Run, shown: &Shown) -> Vec<Lane> {
     lanes
 }
 
-/// The bars of the log: 0 for HORUS's frames, 1 for transactions and FRESH, 2 for the hold's frames and answers.
+/// Returns the bars of some events in the log. The number selects them: 0 HORUS's frames, 1 transactions and FRESH, 2
+/// the hold's frames and answers.
 fn of_log(log: &Log, which: usize) -> Vec<Bar> {
     let bars = log.events.iter().filter_map(|event| {
         let (name, from) = match (&event.what, which) {
@@ -75,7 +76,7 @@ fn of_log(log: &Log, which: usize) -> Vec<Bar> {
     bars.collect()
 }
 
-/// The names of the tasks of a priority without what is behind their first `_` or digit: `rf` for `rf_spi`.
+/// Returns the names of the tasks of a priority, each up to its first `_` or digit: `rf` for `rf_spi`.
 fn stems(table: &Table, level: u8) -> String {
     let mut stems: Vec<&str> = vec![];
     for task in table.tasks.iter().filter(|task| task.level == level) {
@@ -87,8 +88,8 @@ fn stems(table: &Table, level: u8) -> String {
     stems.join(", ")
 }
 
-/// The cycle (begin and end, ns) in which the time from a frame's last bit to FRESH was longest; `None` if no frame was
-/// announced.
+/// Returns the beginning and the end, ns, of the cycle with the longest time from a frame's last bit to FRESH; `None`
+/// if FRESH announced no frame.
 #[must_use]
 pub fn worst_cycle(log: &Log) -> Option<(u64, u64)> {
     let (mut tick, mut heard, mut worst) = (None, None, None);
@@ -143,7 +144,7 @@ pub fn svg(lanes: &[Lane], (from, to): (u64, u64), title: &str) -> String {
         svg += &format!("<text x=\"10\" y=\"{:.0}\">{}: {}</text>\n", y + 13.0, lane.group, lane.name);
         let mut path = String::new();
         for bar in lane.bars.iter().filter(|bar| bar.to > from && bar.from < to) {
-            // What takes 10 µs would be a hundredth of a pixel wide.
+            // A bar of 10 µs would be a hundredth of a pixel wide.
             let width = (x(bar.to) - x(bar.from)).max(0.6);
             path += &format!("M{:.1} {:.0}h{width:.1}v12h-{width:.1}z", x(bar.from), y + 3.0);
         }
@@ -154,8 +155,8 @@ pub fn svg(lanes: &[Lane], (from, to): (u64, u64), title: &str) -> String {
     svg + "</svg>\n"
 }
 
-/// The lanes as a trace in the Chrome trace event format, which Perfetto reads: a process for each group, a thread for
-/// each lane, a complete event for each bar, times in µs.
+/// Returns the lanes in the Chrome trace event format, which Perfetto reads. A process stands for a group, a thread for
+/// a lane, and an event for a bar; times are in µs.
 #[must_use]
 pub fn chrome_trace(lanes: &[Lane]) -> String {
     let mut groups: Vec<&str> = vec![];

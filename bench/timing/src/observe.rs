@@ -1,5 +1,5 @@
-//! What a processor did, from the events that decide which exception runs: execution times, response times, masked
-//! sections, demands.
+//! Observes a processor by the events that determine which exception runs. Measures execution times, response times,
+//! masked sections and demands.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -7,78 +7,81 @@ use cortex_m4::Scheduled;
 
 use crate::analysis::Curve;
 
-/// The priority number of code outside exceptions.
+/// The priority number of code outside exceptions, the least urgent.
 const THREAD: i16 = 256;
 
-/// The number of steps of each measured curve.
+/// The number of steps of each measured demand curve.
 const STEPS: u64 = 256;
 
 /// A task that is observed.
 #[derive(Clone, Debug)]
 pub struct Watched {
-    /// The number of its exception.
+    /// The number of the task's exception.
     pub exception: u16,
-    /// The priority of its exception; a lower number is more urgent.
+    /// The priority of the task's exception; a lower number is more urgent.
     pub priority: i16,
-    /// The group of tasks that it belongs to: those that one chain of causes releases.
+    /// The number of the task's group: all tasks that follow from one chain of causes.
     pub group: usize,
-    /// The length of the windows in which its releases are counted, ns.
+    /// The length, ns, of the windows in which releases of the task are counted.
     pub within: u64,
-    /// The longest window after a release in which the demand of its group is measured, ns.
+    /// The longest window, ns, in which the demand of the task's group is measured, from a release of the task on.
     pub horizon: u64,
-    /// Whether it is a step of a driver that has one transfer or wait at a time. Further transfers and waits then begin
-    /// after its end and so do not delay it.
+    /// Whether the task is a step of a driver that has only one transfer or wait at a time. If so, transfers and waits
+    /// that begin after the task's end cannot delay the task.
     pub is_step: bool,
-    /// Whether its releases are the ends of such transfers and waits.
+    /// Whether the task is called at the end of each transfer or wait of a driver that has only one at a time.
     pub is_stepped: bool,
-    /// Only jobs that were released together with this exception are of this task; the others are of the first task
-    /// with the same exception.
+    /// An exception that tells a job of this task from a job of another task with the same vector. It became pending
+    /// together with the task's own exception.
     pub together: Option<u16>,
 }
 
-/// What was seen of a task. Times are in ns.
+/// The observations of a task. Times are in ns.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Seen {
     /// The number of jobs that ended.
     pub jobs: u64,
-    /// The longest time of the handler itself, without preemption, exception entry and return.
+    /// The longest execution time of the handler, without preemption, exception entry and return.
     pub body: u64,
     /// The longest time from a release to the handler's end.
     pub response: u64,
-    /// The greatest number of releases in a window of [`Watched::within`].
+    /// The greatest number of releases of the task in a window of [`Watched::within`].
     pub most: u64,
-    /// The shortest time between two releases; 0 if there were less than two.
+    /// The shortest time between two releases; 0 with fewer than two.
     pub apart: u64,
-    /// The longest time for which it was held back although nothing more urgent ran.
+    /// The longest time for which the released task did not run although no more urgent code ran.
     pub blocked: u64,
-    /// The demand of the tasks of its group that can delay it, in windows that begin with its release.
+    /// The greatest demand of those tasks of the group that can delay this task. The demand is measured in windows that
+    /// begin with a release of this task.
     pub own: Curve,
 }
 
-/// A kind of section that masks a priority: who masked, the priority, and whether it was by PRIMASK, which masks all.
+/// A kind of masked section: the task that masks (by its index, `None` for other code), the masked priority, and
+/// whether PRIMASK masks it.
 pub type Masking = (Option<usize>, i16, bool);
 
-/// What was seen of a board.
+/// The observations of a board.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Observations {
-    /// What was seen of each task, in the order in which they are watched.
+    /// The observations of each task, in the order of [`Observer::new`].
     pub tasks: Vec<Seen>,
     /// The longest exception entry.
     pub entry: u64,
     /// The longest exception return.
     pub exit: u64,
-    /// The longest own time for which a task (by its index, `None` for code outside the tasks) masked a priority.
+    /// The longest section of each kind, without preemption, ns.
     pub masked: BTreeMap<Masking, u64>,
-    /// The demand of the jobs of a group that have at least this priority, in any window.
+    /// The greatest demand, in any window, of a group's tasks that have at least a priority. The key has the group and
+    /// the priority.
     pub groups: BTreeMap<(usize, i16), Curve>,
 }
 
 impl Observations {
-    /// Takes over what another run of the same tasks has shown.
+    /// Adds the observations of another run of the same tasks.
     ///
     /// # Panics
     ///
-    /// Panics if the other run had other tasks.
+    /// Panics if the other run has another number of tasks.
     pub fn merge(&mut self, other: Self) {
         if self.tasks.is_empty() {
             *self = other;
@@ -117,7 +120,7 @@ fn raise(mine: &mut Curve, its: &Curve) {
     }
 }
 
-/// A piece of a handler that ran without interruption: exception (0 for code outside exceptions), begin and end in ns.
+/// A piece of code that ran without interruption: its exception (0 outside exceptions), and its beginning and end, ns.
 pub type Span = (u16, u64, u64);
 
 #[derive(Clone, Copy, Debug)]
@@ -129,17 +132,17 @@ struct Job {
     cost: u64,
 }
 
-/// A release whose demands are not yet measured.
+/// A release of a task. The demand after this release is not measured yet.
 #[derive(Clone, Debug)]
 struct Release {
     at: u64,
     ended: u64,
     task: usize,
-    /// The jobs that were under way, and what each had consumed.
+    /// The unfinished jobs at the release: their serial numbers and the time that each had run.
     consumed: Vec<(u64, u64)>,
 }
 
-/// The longest time between two releases that one piece of code causes one after the other, ns.
+/// The longest time, ns, between two exceptions that become pending together.
 const TOGETHER: u64 = 2_000;
 
 /// Code that was begun and has not ended.
@@ -153,7 +156,8 @@ struct Context {
     entry: u64,
     /// The time that this code has run.
     own: u64,
-    /// For each priority that it masks, its own time at the beginning of that section, and whether PRIMASK began it.
+    /// For each masked priority, the running time of this code at the beginning of the section, and whether PRIMASK
+    /// masked it.
     masked: Vec<(i16, u64, bool)>,
 }
 
@@ -172,22 +176,23 @@ pub struct Observer {
     priorities: Vec<i16>,
     group_horizon: u64,
     contexts: Vec<Context>,
-    /// The pending exceptions: since when, and what the jobs under way had consumed then.
+    /// The pending exceptions, each with the instant (ns) at which it became pending. Each also has the jobs that were
+    /// unfinished at that instant, and their running times.
     pending: BTreeMap<u16, (u64, Vec<(u64, u64)>)>,
-    /// When each exception last became pending.
+    /// The instant, ns, at which each exception last became pending.
     pended: BTreeMap<u16, u64>,
     jobs: u64,
-    /// The instant of the last change of the running code.
+    /// The instant, ns, at which another exception last began or continued to run.
     changed: u64,
     phase: Phase,
     /// The instant of the last event.
     last: u64,
-    /// Whether the firmware has started: a task has run since the last reset.
+    /// Whether a task has run since the last reset. If so, the firmware has started.
     started: bool,
     resets: u64,
-    /// Ended jobs in the order of their ends, as long as a curve may need them.
+    /// The finished jobs that a demand may still include, in order of their ends.
     ended: VecDeque<Job>,
-    /// Releases whose curves are not yet measured: instant, task.
+    /// The releases after which the demand is not measured yet.
     open: VecDeque<Release>,
     releases: Vec<VecDeque<u64>>,
     seen: Observations,
@@ -195,8 +200,8 @@ pub struct Observer {
 }
 
 impl Observer {
-    /// An observer of a processor that begins at its reset. `group_horizon` is the longest window in which the demand
-    /// of the groups `chains` is measured, ns. With `spans` it also keeps each piece of each handler.
+    /// Returns an observer of a processor at its reset. The demand of the groups in `chains` is measured in windows up
+    /// to `group_horizon`, ns. With `spans` all pieces of the running code are kept.
     #[must_use]
     pub fn new(tasks: Vec<Watched>, chains: &[usize], group_horizon: u64, spans: bool) -> Self {
         let mut priorities: Vec<i16> = tasks.iter().map(|task| task.priority).collect();
@@ -276,7 +281,8 @@ impl Observer {
     }
 
     fn event(&mut self, at: u64, event: Scheduled) {
-        // A board whose clock changes may count the last cycles before by either clock.
+        // Near a change of the clock, a board may count some cycles by either clock, so an instant may seem to step
+        // back.
         let at = at.max(self.last);
         if matches!(self.phase, Phase::Runs) {
             let last = std::mem::replace(&mut self.last, at);
@@ -339,7 +345,7 @@ impl Observer {
     }
 
     fn begin(&mut self, exception: u16, entry: u64, at: u64) {
-        // What became pending while the firmware started had to wait for it.
+        // Exceptions that became pending during the start of the firmware do not count.
         if !self.started {
             self.pending.clear();
         }
@@ -351,7 +357,8 @@ impl Observer {
             };
             task.exception == exception && task.together.is_none_or(together)
         };
-        // The rows with a companion stand behind the one without.
+        // If two tasks have the same vector, the one that a second exception identifies comes later in the table. So
+        // the search begins at the end.
         let task = self.tasks.iter().rposition(|task| is_of(&task));
         self.started |= task.is_some();
         let priority = task.map_or(-1, |task| self.tasks[task].priority);
@@ -401,7 +408,7 @@ impl Observer {
                 (true, None) => context.masked.push((priority, context.own, mask <= 0)),
                 (false, Some(place)) => {
                     let (_, since, all) = context.masked.swap_remove(place);
-                    // While a firmware starts, nothing has to be answered yet.
+                    // Masked sections during the start of the firmware are not counted, because they delay no task.
                     if self.started {
                         let longest = seen.masked.entry((context.task, priority, all)).or_default();
                         *longest = (context.own - since).max(*longest);
@@ -412,7 +419,7 @@ impl Observer {
         }
     }
 
-    /// Measures the demand after the releases that are long enough ago, or with `all` after each.
+    /// Measures the demand after each release that is old enough, or with `all` after each release.
     fn measure(&mut self, all: bool) {
         let wait = 2 * self.group_horizon;
         while let Some(release) = self.open.pop_front_if(|release| all || release.at + wait <= self.last) {
@@ -434,7 +441,7 @@ impl Observer {
                 && job.ended > release.at
                 && job.released < release.at + horizon
                 && !(is_step && other.is_stepped && job.released >= release.ended)
-                // This job itself is no delay, and later ones of the same task come after it.
+                // A later job of the same task comes after this one and does not delay it.
                 && (other.exception != exception || job.released < release.at)
         });
         let left = |job: &Job| {
@@ -461,7 +468,7 @@ impl Observer {
     }
 }
 
-/// Raises `curve` to the demand of jobs with these offsets from the beginning of a window, and costs.
+/// Raises `curve` to the demand of these jobs, each with its time after the beginning of the window and its cost.
 fn accumulate(curve: &mut Curve, mut demands: Vec<(u64, u64)>) {
     demands.sort_unstable();
     let (mut next, mut total) = (demands.into_iter().peekable(), 0);

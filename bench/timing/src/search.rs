@@ -1,4 +1,4 @@
-//! The search for long executions, blocking and demands: runs of the release images with observers at all boards.
+//! Searches for long executions, blocking and demands: runs release images, and observes all processors.
 
 use std::path::{Path, PathBuf};
 
@@ -14,32 +14,33 @@ use crate::tasks::{Bounded, Table};
 
 const MS: u64 = 1_000_000;
 
-/// How often the events are taken from the boards, virtual ns.
+/// The interval at which the observers take the events of the boards, virtual ns.
 const PIECE: u64 = 100 * MS;
 
-/// The bytes at the bottom of the stack that may hold guard words (`firmware-common/guards.x`).
+/// The number of bytes at the bottom of the stack that may hold guard words (`firmware-common/guards.x`).
 const GUARD: u32 = 64;
 
-/// The windows in which loads are measured, virtual ns. The first one, in which the boards start, does not count.
+/// The length of the windows in which the load is measured, virtual ns. The first window, with the boards' start, does
+/// not count.
 const LOAD_WINDOW: u64 = 500 * MS;
 
 /// The images of a search.
 #[derive(Clone, Debug)]
 pub struct TimingImages {
-    /// HORUS's and the DPR's.
+    /// The images of HORUS and of the DPR.
     pub link: Images,
-    /// The DPR's with the port of a hold.
+    /// The image of the DPR with the port of a hold.
     pub dpr_with_hold: PathBuf,
-    /// The hold's.
+    /// The image of the hold.
     pub hold: PathBuf,
 }
 
-/// A run of a search: what it is, in words, and its setup.
+/// A run of a search, with its name and its setup.
 #[derive(Clone, Debug)]
 pub struct Run {
-    /// What it is.
+    /// The run's name.
     pub name: String,
-    /// Its setup.
+    /// The run's setup.
     pub setup: Setup,
 }
 
@@ -53,7 +54,7 @@ impl Run {
     }
 }
 
-/// A run whose worst cycle a chart shows: the link with a hold, without faults.
+/// Returns the run whose worst cycle a chart shows: the link with a hold, without faults.
 #[must_use]
 pub fn charted(images: &TimingImages, gps: usize, clock: Clock) -> Run {
     let link = Images { dpr: images.dpr_with_hold.clone(), ..images.link.clone() };
@@ -61,7 +62,7 @@ pub fn charted(images: &TimingImages, gps: usize, clock: Clock) -> Run {
     Run { name: "chart".to_owned(), setup }
 }
 
-/// The runs that look for the worst with `gps` receivers on `clock`.
+/// Returns the runs in which the longest times are searched for, with `gps` receivers on `clock`.
 ///
 /// | what | why |
 /// |---|---|
@@ -131,25 +132,25 @@ pub fn runs(images: &TimingImages, gps: usize, clock: Clock) -> Vec<Run> {
     runs
 }
 
-/// What a search has shown of one board.
+/// The observations of one board.
 #[derive(Clone, Debug, Default)]
 pub struct BoardSeen {
-    /// Its tasks.
+    /// The observations of the board's tasks.
     pub observations: Observations,
-    /// The highest load in half a second, 0 to 1.
+    /// The highest load of the processor in half a second, 0 to 1.
     pub load: f64,
-    /// The bytes of stack that were used, and those that there are.
+    /// The number of used bytes of the stack, and its size, bytes.
     pub stack: (usize, usize),
-    /// The priority of each task's exception, as the firmware has set it.
+    /// The priority that the firmware has given to each task's exception.
     pub priorities: Vec<i16>,
-    /// The number of the exception of each task.
+    /// The number of each task's exception.
     pub exceptions: Vec<u16>,
-    /// The pieces of all handlers, if they are kept.
+    /// The pieces of all running code, if they were kept.
     pub spans: Vec<Span>,
 }
 
 impl BoardSeen {
-    /// Takes over what another run has shown of the same board.
+    /// Adds the observations of another run of the same board.
     pub fn merge(&mut self, other: Self) {
         self.observations.merge(other.observations);
         self.load = self.load.max(other.load);
@@ -158,10 +159,10 @@ impl BoardSeen {
     }
 }
 
-/// A board's table with what was seen of its tasks.
+/// The table of a board's tasks, and the observations of these tasks.
 pub type SeenTable = (Table, BoardSeen);
 
-/// Searches with all `runs`, on all cores. Returns each board's table with what was seen, and the violations.
+/// Makes all `runs`, on all cores. Returns each board's table with the observations, and the violations.
 ///
 /// # Errors
 ///
@@ -224,7 +225,7 @@ impl Watch {
 
     fn take(&mut self, node: &mut dyn AnyNode, reached: u64) {
         self.observer.take(node.take_schedule());
-        // The memory test, which leaves the stack cleared, runs before the firmware has started.
+        // The stack is measured only after the start, because the memory test of the start clears the whole stack.
         if let Some(stack) = self.stack.filter(|_| self.observer.has_started()) {
             let used = node.stack_touched(stack, GUARD);
             self.seen.stack = (self.seen.stack.0.max(used), stack.size());
@@ -232,7 +233,7 @@ impl Watch {
         if reached.is_multiple_of(LOAD_WINDOW) {
             let usage = node.usage();
             let load = usage.since(std::mem::replace(&mut self.usage, usage)).load();
-            // A start takes all of the processor for some 50 ms.
+            // A start occupies the processor for about 50 ms.
             if std::mem::replace(&mut self.resets, self.observer.resets()) == self.observer.resets()
                 && reached > LOAD_WINDOW
             {
@@ -247,19 +248,19 @@ impl Watch {
     }
 }
 
-/// What one run has shown: the boards in the order of their tables, the violations, and with `spans` the event log.
+/// The outcome of one run: the observations of each board, the violations, and with `spans` the event log.
 #[derive(Clone, Debug)]
 pub struct Shown {
-    /// HORUS, the DPR, and the hold if there is one.
+    /// The observations of HORUS, of the DPR, and of a hold if there is one.
     pub boards: Vec<BoardSeen>,
-    /// What the judge found.
+    /// The violations that the judge found.
     pub violations: Vec<String>,
     /// The event log.
     pub log: Option<Log>,
 }
 
-/// Runs `setup` on its clock and observes all boards, each by its table. With `spans` each piece of each handler and
-/// the event log are kept.
+/// Runs `setup` on its clock and observes the boards by these tables. With `spans` the event log and all pieces of the
+/// running code are kept.
 ///
 /// # Errors
 ///
@@ -289,7 +290,7 @@ pub fn observe(setup: &Setup, tables: &[Table], spans: bool) -> Result<Shown, Er
     Ok(Shown { boards, violations, log: spans.then_some(finished.log) })
 }
 
-/// Where the RAM with the stack begins, as the firmware's linker script says.
+/// Returns the address of the beginning of the RAM with the stack, by the firmware's linker script.
 fn bottom(image: &Path) -> Result<Option<u32>, Error> {
     let start = Firmware::read(image)?.symbol("__ram_start");
     Ok(start.and_then(|start| u32::try_from(start.address).ok()))

@@ -1,8 +1,7 @@
-//! What is stated of each task: priority, deadline, arrivals, and where each comes from.
+//! States the priority, deadline and arrivals of each task, with their sources.
 //!
-//! Names and vectors are those of the firmwares' tables of tasks, and a test holds this list against them. A statement
-//! is checked in every search: more releases than stated, a task that never ran and another priority than the stated
-//! one are errors.
+//! A test compares the names and vectors with the firmwares' tables of tasks. Every search checks the statements: a
+//! task that is released too often, never runs or has another priority is an error.
 
 use dpr_fw::ssi::PAUSE_US;
 
@@ -11,26 +10,26 @@ use crate::analysis::Arrivals;
 const US: u64 = 1_000;
 const MS: u64 = 1_000_000;
 
-/// The shortest time between two ends of transactions that call `ssi_end`, ns.
+/// The shortest time, ns, between the ends of two transactions that call `ssi_end`.
 const PAUSE: u64 = PAUSE_US as u64 * US;
 
-/// A window, ns, shorter than a cycle of HORUS on its internal oscillator, which is up to 5 % fast where the crystal
-/// fails. The time from a cycle's tick to a task may be 0.1 ms shorter than in the cycle before.
+/// A window, ns, that is shorter than the shortest cycle of HORUS. Without its crystal HORUS's oscillator is up to 5 %
+/// fast, and a task may come 0.1 ms earlier in its cycle than in the cycle before.
 const CYCLE: u64 = 9_400 * US;
 
-/// A group of tasks that one chain of causes releases. The phases between its tasks are fixed by these causes, while
-/// two groups can meet in any phase.
+/// A group of tasks that follow from one chain of causes. The tasks have fixed phases to each other, but any phase to
+/// the tasks of another group.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Group {
-    /// HORUS's cycle on HORUS; its frames on the DPR; the hold's cycle on the hold.
+    /// The cycle of HORUS and the cycle of the hold; on the DPR, HORUS's frames.
     Cycle,
     /// The flight controller's transactions.
     Ssi,
-    /// What the flight controller wrote.
+    /// The objects that the flight controller writes.
     Port,
     /// The exchange with the hold.
     Hold,
-    /// The receivers, each independent of the others.
+    /// The receivers, whose messages are independent of each other.
     Gnss,
     /// The parser of the receivers' bytes.
     Parse,
@@ -39,14 +38,14 @@ pub enum Group {
 /// How the demand of a group is bounded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Bounded {
-    /// By the most execution time that was seen in any window.
+    /// The bound is the greatest demand that was observed in any window.
     Measured,
-    /// By the stated arrivals of each task and its longest execution.
+    /// The bound follows from the stated arrivals of each task and its longest observed execution.
     Stated,
 }
 
 impl Group {
-    /// How the tasks of this group delay those of other groups.
+    /// Returns how the delay by this group is bounded for tasks of other groups.
     #[must_use]
     pub const fn on_others(self) -> Bounded {
         match self {
@@ -55,7 +54,8 @@ impl Group {
         }
     }
 
-    /// How the tasks of this group delay each other. What one chain of causes releases comes in fixed phases.
+    /// Returns how the delay by this group is bounded for the group's own tasks. They have fixed phases if they follow
+    /// from one chain of causes.
     #[must_use]
     pub const fn on_itself(self) -> Bounded {
         match self {
@@ -65,50 +65,51 @@ impl Group {
     }
 }
 
-/// What is stated of a task.
+/// The statements about a task.
 #[derive(Clone, Debug)]
 pub struct Stated {
-    /// Its name.
+    /// The task's name.
     pub name: &'static str,
-    /// Its interrupt vector.
+    /// The task's interrupt vector.
     pub vector: &'static str,
-    /// Its priority in the firmware, 1 for the least urgent.
+    /// The task's priority in the firmware, 1 for the least urgent.
     pub level: u8,
-    /// The priority number of its exception; a lower number is more urgent.
+    /// The priority number of the task's exception; a lower number is more urgent.
     pub priority: i16,
-    /// Its group.
+    /// The task's group.
     pub group: Group,
-    /// The longest time from its release to its end, ns.
+    /// The longest time from the task's release to its end, ns.
     pub deadline: u64,
-    /// Where the deadline comes from.
+    /// The source of the deadline.
     pub why: &'static str,
-    /// How often it is released at most.
+    /// The upper bound of the task's releases.
     pub arrivals: Arrivals,
-    /// Where that bound comes from.
+    /// The source of these arrivals.
     pub source: &'static str,
-    /// Whether it is a step of a driver that has one transfer or wait at a time.
+    /// Whether the task is a step of a driver that has only one transfer or wait at a time.
     pub is_step: bool,
-    /// The vector of the task together with which these jobs are released, if other jobs have a row of their own.
+    /// The vector of a task that is called together with this one. It is given only if it distinguishes this row from
+    /// another row of the same task.
     pub together: Option<&'static str>,
-    /// Whether no section masks all interrupts outside the tasks when it is released, since such sections keep away
+    /// Whether no code outside the tasks masks all interrupts at the task's release. Code that masks them keeps away
     /// from ticks and slots (`timing::quiet` in horus-tx-fw).
     pub in_quiet: bool,
 }
 
-/// What is stated of the tasks of a board.
+/// The statements about a board's tasks.
 #[derive(Clone, Debug)]
 pub struct Table {
     /// The board's name.
     pub board: &'static str,
-    /// Its tasks, the most urgent first.
+    /// The board's tasks, the most urgent first.
     pub tasks: Vec<Stated>,
-    /// Whether it is one of the two boards of the link, whose load docs/design.md#timing bounds.
+    /// Whether the board is HORUS's or the DPR's, whose loads docs/design.md#timing bounds.
     pub is_of_the_link: bool,
-    /// The longest window in which the demand of a group is measured, ns.
+    /// The longest window, ns, in which the demand of a group is measured.
     pub horizon: u64,
 }
 
-/// One row: name, level, group, deadline, its reason, releases (most, within, apart), their reason.
+/// A row of a table: name, level, group, deadline and its reason, releases (most, within, apart) and their reason.
 type Row = (&'static str, u8, Group, u64, &'static str, (u64, u64, u64), &'static str);
 
 const RINGS: &str = "half a ring of 512 bytes at 460 800 bit/s";
@@ -155,11 +156,11 @@ const HORUS: &[Row] = &[
     ("parse", 1, Group::Parse, 10 * MS, "one cycle", (40, CYCLE, 5 * US), "calls of the sources, and its own"),
 ];
 
-/// HORUS's tasks that tick and slot release.
+/// The tasks of HORUS that a tick or a slot calls.
 const AT_TICK_OR_SLOT: [&str; 4] = ["slot", "rf_slot", "cycle", "vote"];
 
-/// The DPR's commit task does two kinds of work: it prepares an image while a frame arrives, and publishes it at the
-/// frame's end. Only then it is called together with `scrub`.
+/// The DPR's `commit` has two rows, because it does two kinds of work. It prepares an image while a frame arrives, and
+/// it publishes the image at the frame's end. Only for the publication it is called together with `scrub`.
 const PUBLISHES: &str = "commit, at a frame's end";
 
 const DPR: &[Row] = &[
@@ -247,7 +248,7 @@ const HOLD: &[Row] = &[
 ];
 
 impl Table {
-    /// HORUS's tasks with `gps` receivers.
+    /// Returns HORUS's tasks with `gps` receivers.
     #[must_use]
     pub fn horus(gps: usize) -> Self {
         let mut table = Self::new("HORUS", HORUS, horus_tx_fw::task::TASKS, 16, 12 * MS);
@@ -257,7 +258,7 @@ impl Table {
         table
     }
 
-    /// The DPR's tasks; with `hold` those of its second port too.
+    /// Returns the DPR's tasks, with `hold` also those of its second port.
     #[must_use]
     pub fn dpr(hold: bool) -> Self {
         let rows = if hold { DPR } else { &DPR[..DPR.len() - dpr_fw::task::hold::TASKS.len()] };
@@ -265,13 +266,13 @@ impl Table {
         Self::new(if hold { "DPR with a hold" } else { "DPR" }, rows, &vectors, 8, 12 * MS)
     }
 
-    /// The hold's tasks.
+    /// Returns the hold's tasks.
     #[must_use]
     pub fn hold() -> Self {
         Self::new("hold", HOLD, hold_fw::task::TASKS, 8, 52 * MS)
     }
 
-    /// `levels` is the number of priorities of the part.
+    /// Returns a board's table. The microcontroller has `levels` priorities.
     fn new(
         board: &'static str,
         rows: &[Row],

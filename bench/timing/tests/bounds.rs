@@ -1,4 +1,4 @@
-//! Holds the bounds of a search against a run that is not part of it.
+//! Compares the bounds of a search with a run that is not part of the search.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +11,7 @@ use emulator_node::{AnyNode, Clock, Threads};
 
 const MS: u64 = 1_000_000;
 
-/// The images with three receivers, which `cargo xtask test` builds; `None` (reported) without them.
+/// The images with three receivers; `None` and a message if they were not built.
 fn images() -> Option<TimingImages> {
     let folder = std::env::var_os("LINK_IMAGES").map(PathBuf::from);
     let Some(folder) = folder.filter(|folder| folder.join("gps-3/dpr-fw-hold.elf").is_file()) else {

@@ -6,12 +6,12 @@ use std::rc::Rc;
 
 use sha2::{Digest as _, Sha256};
 
-/// Computes the SHA-256 of what is written to it, which is that of the file that `cargo xtask sim --events` writes.
+/// Computes the SHA-256 of an event log, which is that of the file of `cargo xtask sim --events`.
 #[derive(Clone, Default)]
 pub(crate) struct LogDigest(Rc<RefCell<Sha256>>);
 
 impl LogDigest {
-    /// Returns the digest of everything that was written, in hexadecimal digits.
+    /// Returns the digest of the written bytes in hexadecimal digits.
     pub(crate) fn hex(&self) -> String {
         self.0.borrow().clone().finalize().iter().map(|byte| format!("{byte:02x}")).collect()
     }

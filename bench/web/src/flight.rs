@@ -1,4 +1,4 @@
-//! A flight: the bench, the radio behind its flight controller, the base station and the panel.
+//! A flight: the bench, the flight controller's radio, the base station and the panel.
 
 use std::io::BufWriter;
 
@@ -17,22 +17,22 @@ use serde::{Deserialize, Serialize};
 use crate::digest::LogDigest;
 use crate::wires::Wires;
 
-/// The number of receivers of the firmwares.
+/// The number of receivers with which the firmwares are built.
 pub const RECEIVERS: usize = 3;
 
 const SYSTEM: u8 = 1;
 
 const COMPONENT: u8 = 1;
 
-/// The budget of a fast telemetry radio, which the flight controller of `cargo xtask live` has too.
+/// The budget of a fast telemetry radio, as in `cargo xtask live`.
 const RATES: Rates = Rates { bytes_per_s: 6_000, period_us: 100_000, standard_us: 0 };
 
-/// The time between two looks of the station at its alarms, µs.
+/// The interval at which the base station updates its alarms, µs.
 const TICK_US: u64 = 20_000;
 
 const STEP_NS: u64 = 10_000_000;
 
-/// The flight that a page's address asks for, by the options of `cargo xtask sim`.
+/// The settings of a flight in the address of the page, named like the options of `cargo xtask sim`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Wanted {
     /// The seed, a whole number.
@@ -50,7 +50,7 @@ impl Wanted {
     ///
     /// # Errors
     ///
-    /// Returns in words what a run cannot have.
+    /// [`String`] that states which setting is impossible.
     pub fn setup(&self) -> Result<Setup, String> {
         let Self { seed, faults, seconds, hold } = self;
         let seed = seed.parse().map_err(|error| format!("seed={seed}: {error}"))?;
@@ -72,7 +72,7 @@ impl Wanted {
         Ok(Setup { seed, faults, writes: true, wires: true, ..Setup::new(images, RECEIVERS, duration_ns) })
     }
 
-    /// Returns the command that makes the same flight.
+    /// Returns the command line that makes the same flight.
     #[must_use]
     pub fn command(&self) -> String {
         let Self { seed, faults, seconds, hold } = self;
@@ -169,7 +169,7 @@ impl Flight {
     ///
     /// # Errors
     ///
-    /// Returns in words why there is no such flight.
+    /// [`String`] that states why there is no such flight.
     pub fn begin(wanted: &Wanted, programs: &Programs, unix_us: u64) -> Result<Self, String> {
         let setup = wanted.setup()?;
         if wanted.hold != programs.hold.is_some() {
@@ -199,7 +199,7 @@ impl Flight {
         &mut self.ground.panel
     }
 
-    /// Runs for 10 ms of virtual time, or not at all if the flight is over.
+    /// Simulates 10 ms of the flight, or nothing if the flight is over.
     ///
     /// # Errors
     ///
@@ -221,7 +221,7 @@ impl Flight {
         Ok(self.last.clone())
     }
 
-    /// Returns the state that the page shows, `after_us` after the end of the flight.
+    /// Returns the state for the page, `after_us` after the end of the flight.
     pub fn state(&mut self, drone: Option<&str>, with: With, after_us: u64) -> State {
         if self.run.is_none() {
             self.ground.tick(self.ground.begun_us + self.now_ns / 1_000 + after_us);
@@ -229,7 +229,7 @@ impl Flight {
         state::state(&self.ground.station, 0, None, drone, drone.unwrap_or_default(), with)
     }
 
-    /// Returns the wires of the last 100 ms, as `wires.js` reads them.
+    /// Returns the wires of the last 100 ms in the format of `wires.js`.
     pub fn wires(&mut self) -> Vec<u8> {
         self.ground.wires.bytes()
     }

@@ -1,8 +1,8 @@
 //! The bench and the base station in WebAssembly, for a page without a server.
 //!
 //! `cargo xtask web` builds this crate for `wasm32-wasip1`, and `worker.js` calls it in a worker of the page. The page
-//! hands over the firmwares and begins a flight ([`flight`]); then it asks for each step, for the state that the base
-//! station's page shows, for the panel and for the wires ([`request`]).
+//! passes the firmwares and begins a flight ([`flight`]). Then it requests each step, the state of the base station's
+//! page, the panel and the wires ([`request`]).
 //!
 //! # Exported functions
 //!
@@ -15,8 +15,8 @@
 //!
 //! `load` and `ask` return the length of the answer. A negative length is that of an error in words.
 //!
-//! A firmware is packed by [`Firmware::pack`](emulator_node::Firmware::pack). Of WASI's functions the program calls
-//! those that write to standard error, which has the message of a panic. There are no files and no threads.
+//! A firmware has the format of [`Firmware::pack`](emulator_node::Firmware::pack). The program uses WASI only to write
+//! the message of a panic to standard error. There are no files and no threads.
 
 mod digest;
 pub mod flight;

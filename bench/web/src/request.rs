@@ -7,27 +7,27 @@ use serde::{Deserialize, Serialize};
 
 use crate::flight::{Flight, Wanted};
 
-/// A request, in JSON. It has whole numbers only, because an enumeration with a tag cannot be read with others where a
-/// crate has turned on serde_json's arbitrary precision, as the defmt decoder does.
+/// A request in JSON. All numbers are whole, because the defmt decoder turns on serde_json's arbitrary precision, with
+/// which tagged enumerations cannot have other numbers.
 #[derive(Debug, Deserialize)]
 #[serde(tag = "what", rename_all = "snake_case")]
 pub enum Request {
-    /// Begins a flight. The answer is its [`Wanted`] as the bench understood it.
+    /// Begins a flight. The answer has the settings of the flight ([`Wanted`]).
     Begin {
-        /// The flight that is wanted, as the page's address has it.
+        /// The settings of the flight in the address of the page.
         flight: Wanted,
         /// The present time, ms since 1970.
         unix_ms: u64,
     },
     /// Runs the flight for 10 ms. The answer is a [`Stepped`](crate::flight::Stepped).
     Step,
-    /// Asks for the state that the base station's page shows.
+    /// Requests the state of the base station's page.
     State {
         /// The drone that the page shows; empty for the first one.
         drone: String,
-        /// Whether the answer has the list of all drones.
+        /// Whether the answer must contain the list of all drones.
         list: bool,
-        /// Whether the answer has the last minutes.
+        /// Whether the answer must contain the history of the last minutes.
         history: bool,
         /// The time since the flight's end, ms.
         after_ms: u64,
@@ -37,16 +37,16 @@ pub enum Request {
         /// The path and the query.
         path: String,
     },
-    /// Asks for the wires of the last 100 ms. The answer is bytes.
+    /// Requests the wires of the last 100 ms, which the answer has as bytes.
     Wires,
 }
 
-/// The panel's answer, with the status that a server would give it.
+/// The panel's answer, with the status code of a server.
 #[derive(Debug, PartialEq, Eq, Serialize)]
 pub struct Answer {
     /// The status, as in HTTP.
     pub status: u16,
-    /// The answer in JSON, or why there is none.
+    /// The answer in JSON, or the reason why there is none.
     pub body: String,
 }
 
@@ -62,7 +62,7 @@ impl Bench {
     ///
     /// # Errors
     ///
-    /// Returns in words why the bytes are no firmware.
+    /// [`String`] that states why the bytes are no firmware.
     pub fn load(&mut self, board: u32, bytes: &[u8]) -> Result<Vec<u8>, String> {
         let place = usize::try_from(board).ok().and_then(|board| self.firmwares.get_mut(board));
         *place.ok_or("no such board")? = Some(Firmware::unpack(bytes).map_err(|error| error.to_string())?);
@@ -73,7 +73,7 @@ impl Bench {
     ///
     /// # Errors
     ///
-    /// Returns in words why there is no answer.
+    /// [`String`] that states why there is no answer.
     pub fn ask(&mut self, request: &[u8]) -> Result<Vec<u8>, String> {
         let request = serde_json::from_slice(request).map_err(|error| format!("a request that is none: {error}"))?;
         if let Request::Begin { flight, unix_ms } = request {

@@ -22,7 +22,7 @@ struct Change {
     what: [u8; 3],
 }
 
-/// The changes of the wires. Those of HORUS's may be later than the instant that the flight has reached.
+/// The changes of the wires. A change of HORUS's wires may come after the instant that the flight has reached.
 #[derive(Debug)]
 pub(crate) struct Wires {
     now: u64,
@@ -33,7 +33,7 @@ pub(crate) struct Wires {
 
 impl Default for Wires {
     fn default() -> Self {
-        // Chip select is high while nothing is selected.
+        // Chip select is high at the beginning.
         Self { now: 0, clock_hz: 1, changes: VecDeque::new(), levels: 1 << (WIRES.len() - 1) }
     }
 }
@@ -69,7 +69,7 @@ impl Wires {
         }
     }
 
-    /// Returns the wires, as `wires.js` reads them.
+    /// Returns the wires in the format of `wires.js`.
     pub(crate) fn bytes(&self) -> Vec<u8> {
         let past = self.changes.iter().filter(|change| change.at <= self.now);
         let count = u32::try_from(past.clone().count()).unwrap_or(u32::MAX);
@@ -103,7 +103,7 @@ mod tests {
         wires.progress(110_000_000);
         let mut told = 110e6_f64.to_le_bytes().to_vec();
         told.extend(8e6_f64.to_le_bytes());
-        // FRESH and chip select are high at the beginning, and the tick is still to come.
+        // FRESH and chip select are high at the beginning, and no tick has come.
         told.extend([0b11_0000, 0, 0, 0, 1, 0, 0, 0]);
         told.extend(50_000_000_u32.to_le_bytes());
         told.extend([BYTE, 0xA5, 0x5A, 0]);

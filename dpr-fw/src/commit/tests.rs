@@ -63,12 +63,10 @@ impl Images for Album {
     }
 }
 
-/// Returns the instant, µs, at which frame number `frame` ends if its cycle is sampled at `sampled_us`.
 fn end<const N: usize>(sampled_us: u32, frame: usize) -> u32 {
     sampled_us.wrapping_add(air::age_at_end_us::<N>(frame).expect("a frame of the cycle"))
 }
 
-/// The time from the end of a frame to its commit in these tests, µs.
 const WAITED_US: u32 = 90;
 
 struct Bench<const N: usize> {
@@ -83,7 +81,6 @@ impl<const N: usize> Bench<N> {
         bench.commit.begin(0, &bench.health, &mut bench.album);
         bench
     }
-    /// Returns a bench whose link is in sequence: the last cycle had timestamp 40 and was sampled at 40 ms.
     fn in_sequence() -> Self {
         let mut bench = Self::new();
         for cycle in 1..=4 {
@@ -181,7 +178,6 @@ fn an_image_that_must_not_be_shown_is_replaced_at_once() {
     let link = bench.album.link::<3>();
     assert!(link.status.ram_fault() && !link.status.link_up());
     assert_eq!((bench.commit.deadline_us(), bench.missed()), (deadline_us, 0));
-    // After one lost cycle the link is still in sequence, so the next cycle is accepted at once.
     bench.frame(50, 0, 50_000, false);
     assert_eq!(bench.album.shown::<3>(), [0, 1, 2, 3]);
 }
@@ -198,7 +194,6 @@ fn is_not_withdrawn_while_a_frame_is_due<const N: usize>() {
         let mut bench = Bench::<N>::in_sequence();
         assert_eq!(bench.commit.withdraw(at_us, &Health::default(), &mut bench.album), withdrawn, "{at_us}");
         assert_eq!(bench.album.published.len(), usize::from(withdrawn));
-        // If no frame comes, the deadline publishes the image that replaces the damaged one.
         assert!(bench.check(due_us + 2_500 + end::<N>(0, air::frames(N) - 1) - end::<N>(0, 0)));
         assert_eq!(bench.album.shown::<N>(), []);
     }
@@ -209,7 +204,7 @@ fn an_image_is_not_withdrawn_while_a_frame_is_due() {
     is_not_withdrawn_while_a_frame_is_due::<1>();
     is_not_withdrawn_while_a_frame_is_due::<3>();
     is_not_withdrawn_while_a_frame_is_due::<5>();
-    // Before the first cycle, and once the second frame of a cycle was missed, no frame is due.
+    // Before the first cycle no frame is due. After the second frame of a cycle was missed, no frame is due either.
     let mut bench = Bench::<5>::new();
     assert!(bench.commit.withdraw(FRAME_DEADLINE_US - 2_500, &Health::default(), &mut bench.album));
     let mut bench = Bench::<5>::in_sequence();
@@ -227,7 +222,8 @@ fn an_image_that_holds_a_newer_cycle_is_not_withdrawn() {
     assert_eq!(bench.album.published.len(), before);
     bench.frame(50, 1, 50_000, false);
     assert_eq!(bench.album.shown::<5>(), [0, 1, 2, 3, 4, 5]);
-    // An image that waits for its second frame is not withdrawn, even if it holds no object yet.
+    // The image being filled waits for the cycle's second frame, so no image without objects replaces it, even if it
+    // holds no object yet.
     bench.frame(60, 0, 60_000, true);
     assert!(!bench.commit.withdraw(end::<5>(60_000, 0) + 300, &Health::default(), &mut bench.album));
 }
@@ -290,8 +286,8 @@ fn the_deadline_counts_from_the_end_of_the_frame() {
 
 #[test]
 fn a_frame_and_a_deadline_give_the_same_images_in_either_order() {
-    // `after_us` is the time from the deadline to the frame's end, µs. A frame that ends at the deadline or later is
-    // late, so an image without objects comes first.
+    // A frame that ends at the deadline or later is late, so an image without objects comes first. `after_us` is the
+    // time from the deadline to the frame's end, µs.
     for after_us in [-1_i32, 0, 1, 150] {
         let mut images = Vec::new();
         for timer_first in [false, true] {
@@ -364,7 +360,8 @@ fn the_wrap_of_the_counter_is_no_break() {
 #[test]
 fn a_silence_as_long_as_the_counter_is_no_cycle() {
     let mut bench = Bench::<1>::in_sequence();
-    // Since the last sample the 32-bit counter of µs has wrapped once and gone one cycle further.
+    // Since the last sample, the 32-bit µs counter has wrapped once and then counted one more cycle. So it has the
+    // value that the next cycle would have had.
     for _ in 0..4_294 {
         let now_us = bench.commit.deadline_us().wrapping_add(987_500);
         assert!(bench.check(now_us));
@@ -584,8 +581,8 @@ fn newest(sent: &[Sent], receivers: usize, now: i128) -> Vec<(usize, u32)> {
         return Vec::new();
     }
     if receivers == 5 && !frame.second {
-        // A frame that is the first of its cycle waits for the second frame. Until the second frame's deadline, the
-        // image remains that was the newest when the first frame ended.
+        // A cycle's first frame waits for the second. Until the second frame's deadline the newest image stays the one
+        // from before the first frame.
         return if passed >= 7_000 { alone } else { before(sent, receivers, number) };
     }
     let Some(first) = number
@@ -604,8 +601,8 @@ fn newest(sent: &[Sent], receivers: usize, now: i128) -> Vec<(usize, u32)> {
     with_it.into_iter().chain(alone).collect()
 }
 
-/// Returns what the newest image shows when the first frame `number` ends. If the frame before it was a first frame
-/// too, the image of that frame is published now.
+/// Returns what the newest image shows while frame `number`, the first of its cycle, waits for its second frame. If the
+/// previous frame still waited for its own second frame, it is published when frame `number` ends.
 fn before(sent: &[Sent], receivers: usize, number: usize) -> Vec<(usize, u32)> {
     let Some(previous) = number.checked_sub(1) else { return Vec::new() };
     let passed = sent[number].ended_us - sent[previous].ended_us;
@@ -642,8 +639,7 @@ fn images_are_as_the_definition_says<const N: usize>(start_us: u32, steps: &[Ste
         (timestamp, sampled_us) = (timestamp.wrapping_add(ms), sampled_us + us);
         let profile = profile::<N>(timestamp);
         for (frame, payload) in air::split(&profile).enumerate() {
-            // The case's random number decides the fate of each frame: it may be lost, damaged, or the second frame of
-            // another cycle.
+            // A random number decides for each frame whether it is lost, damaged, or the second frame of another cycle.
             if number >> 8 & 0xF == frame as u32 + 1 {
                 continue;
             }
@@ -668,7 +664,8 @@ fn images_are_as_the_definition_says<const N: usize>(start_us: u32, steps: &[Ste
             if ended <= now {
                 continue;
             }
-            // The random number also decides whether the deadline is checked in time or only when the next frame comes.
+            // The random number also decides whether the frame's deadline is checked in time or only when the next
+            // frame comes.
             if number >> 20 & 0x3 != 0 {
                 let mut deadline = now;
                 while deadline < ended {

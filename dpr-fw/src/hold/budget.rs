@@ -2,8 +2,8 @@
 
 /// The calls and SPI bytes that the second port has used in the present window of [`Budget::WINDOW_US`].
 ///
-/// On the bench, a window takes 60 calls and 500 bytes while the hold keeps to its period. A window in which the chip
-/// is brought up takes 101 calls.
+/// On the bench, the second port takes 60 calls and 500 SPI bytes in a window while the hold keeps to its period. In a
+/// window with a bring-up of its chip, the second port takes 101 calls.
 #[derive(Clone, Copy, Debug)]
 pub struct Budget {
     window_us: u32,
@@ -17,12 +17,12 @@ pub struct Budget {
 pub enum Turn {
     /// The second port may work as usual.
     Work,
-    /// The second port may work as usual, and this is the first call of a window.
+    /// The second port may work, and this is the first call of a window.
     Begin {
         /// Whether the second port was resting before this call.
         rested: bool,
     },
-    /// The second port stops working, because this call has found the budget used up.
+    /// The second port stops, because the budget is used up at this call.
     Rest,
     /// The second port does nothing, because the budget is used up and the window is not over.
     Resting,
@@ -33,7 +33,7 @@ impl Budget {
     pub const WINDOW_US: u32 = 1_000 * profile::hold::PERIOD_MS;
     /// The most calls of the second port's tasks in a window. A call that only makes a task check in counts too.
     pub const CALLS: u32 = 150;
-    /// The SPI bytes of a window after which the second port does no more work in that window.
+    /// When the second port has used this number of SPI bytes in a window, it does no more work in that window.
     pub const BYTES: u32 = 1_500;
 
     /// Returns the budget of a window that begins at `now_us`.

@@ -16,7 +16,7 @@ use crate::{
     ReceiveMemory,
 };
 
-/// The hardware of the second port. A port that only receives has no use for these operations.
+/// The operations that answering the hold needs beyond those of a front end that only receives.
 pub trait AnswerPort: FrontEndPort {
     /// Returns the present value, µs, of the timer that also captures [`FrontEndPort::irq_edge_us`].
     fn now_us(&mut self) -> u32;

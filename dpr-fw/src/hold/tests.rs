@@ -68,7 +68,6 @@ fn bytes_without_end_make_the_port_rest() {
     assert_eq!(budget.spent(), (1, Budget::BYTES));
 }
 
-/// Returns the hold's bits of Port-Status at `now_us`: whether a frame was heard and accepted, and both counts.
 fn bits(shared: &mut Shared, now_us: u32) -> (bool, bool, u8, u8) {
     let status = shared.show(now_us, &mut [0; SHOWN]);
     (status.hold_heard(), status.hold_accepted(), status.hold_objects_accepted(), status.hold_objects_rejected())
@@ -94,7 +93,6 @@ fn the_image_shows_the_object_of_the_hold_for_300_ms() {
     shared.show(1_000, &mut place);
     assert_eq!(place, [0; SHOWN]);
     shared.receive(object(100).as_bytes(), 9_000, 9_100).unwrap();
-    // A frame that is rejected must not change the hold's object.
     shared.receive(&[0x5A; 64], 20_000, 20_000).unwrap_err();
     shared.show(308_999, &mut place);
     assert_eq!(&place, object(100).as_bytes());
@@ -116,7 +114,7 @@ fn the_hold_gets_each_uplink_as_it_was_stored_for_a_second() {
     shared.keep::<BaseStation>(&base_station, Some(STORED_US));
     assert_eq!(parts(&mut shared, 2_000_100), (Some(base_station), None));
     shared.keep::<FlightController>(&flight_controller, Some(STORED_US + 10));
-    // After 500 ms the port task hands on an empty uplink. The copy for the hold must stay.
+    // The port task hands on an empty uplink 500 ms after the last one. The copy for the hold must not change.
     shared.keep::<BaseStation>(&Uplink::EMPTY, Some(STORED_US));
     let last_us = 2_000_000 + 1_000 * COMMAND_AGE_MS;
     assert_eq!(parts(&mut shared, last_us), (Some(base_station), Some(flight_controller)));

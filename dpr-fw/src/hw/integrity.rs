@@ -10,8 +10,8 @@ static ADDRESS: AtomicU32 = AtomicU32::new(0);
 /// The number of images that the SSI has streamed so far. When it wraps, it skips 0.
 static GENERATION: AtomicU32 = AtomicU32::new(0);
 
-/// Records that the SSI task has taken another image. To be called before the previous image's buffer can be scrubbed.
-/// A reader that finds the same generation before and after its reads has then read a single image.
+/// Records that the SSI task has taken another image. This must be called before the buffer of the previous image can
+/// be scrubbed. If a reader finds the same generation before and after its reads, all of them were from one image.
 #[inline]
 pub(super) fn shown(image: &ImageMemory) {
     ADDRESS.store(image.as_ptr() as u32, Ordering::Relaxed);

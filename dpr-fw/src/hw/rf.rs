@@ -184,8 +184,8 @@ impl<W: Wiring> Port<W> {
     ///
     /// # Safety
     ///
-    /// `from` must be valid for `send` bytes of RAM and `into` for `receive` bytes that are owned by `self` until the
-    /// transfer has ended or was stopped.
+    /// `from` must be valid for `send` bytes of RAM. `into` must be valid for `receive` bytes that are owned by `self`
+    /// until the transfer has ended or was stopped.
     unsafe fn set_up(&mut self, from: *const u8, send: usize, into: *mut u8, receive: usize) {
         // SAFETY: (pointers and counts) the caller guarantees that both pointers are valid. Counts fit 16 bits.
         self.spim.txd.ptr.write(|w| unsafe { w.ptr().bits(from as u32) });

@@ -52,9 +52,9 @@ impl SsiDoorbell {
         call(Task::ssi_end);
     }
 
-    /// Ends the pause after a transaction, so that END and ACQUIRED call the SSI task again, at once if either has come
-    /// meanwhile. Only the task of TIMER3 calls this function, at the SSI task's priority. If the SSI task has begun
-    /// another pause, it has cleared the compare event, and nothing is done.
+    /// Ends the pause after a transaction, so that END and ACQUIRED call the SSI task again. If either has come
+    /// meanwhile, it calls the task at once. Only the task of TIMER3 calls this function, at the SSI task's priority.
+    /// If the SSI task has begun another pause, it has cleared the compare event, and nothing is done.
     pub(crate) fn end_pause() {
         // SAFETY: the pointers to both peripherals are valid for ever. Only this task and the SSI task use the event,
         // and they do not interrupt each other; INTENSET changes only the bits that are written.
@@ -101,8 +101,8 @@ impl Doorbell for SsiDoorbell {
         gpiote.tasks_set[FRESH_CHANNEL].write(|w| unsafe { w.bits(1) });
         // SAFETY: 1 is a valid value of a task register.
         timer.tasks_clear.write(|w| unsafe { w.bits(1) });
-        // The counter was just cleared and the next compare is 25 ms away, so an event that is set now belongs to the
-        // time before.
+        // The expiry timer was just cleared, and its next compare is 25 ms away. So a compare event that is set now is
+        // an old one.
         timer.events_compare[EXPIRY_COMPARES[0]].reset();
     }
 }
@@ -112,7 +112,7 @@ pub(crate) struct SsiPort {
     spis: pac::SPIS1,
     timer: pac::TIMER2,
     pause: pac::TIMER3,
-    /// The pins belong to this type, so that no other code configures them.
+    /// The pins belong to this type, so no other code configures them.
     _pins: SsiPins,
     /// The area that receives the next transaction's bytes; `None` only within `hand_over`.
     area: Option<Filling<AreaBuffer>>,

@@ -22,7 +22,6 @@ impl Deadline {
         Self(timer)
     }
 
-    /// Clears the timer's event. Returns whether it was set.
     pub(crate) fn clear(&mut self) -> bool {
         take_event!(self.0.events_compare[0])
     }

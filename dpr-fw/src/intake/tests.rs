@@ -38,7 +38,6 @@ impl Doorbell for Bell {
     fn announce(&mut self) {}
 }
 
-/// The generation of the image that the flight controller reads.
 struct Generation(u32);
 
 impl Shown for Generation {
@@ -63,7 +62,6 @@ impl Timer for Time {
     }
 }
 
-/// The tasks `commit` and `deadline`, with everything that they share with other tasks.
 struct Dpr {
     intake: Intake<3>,
     rotation: Rotation<ReceiveMemory, FrameInfo>,

@@ -15,7 +15,7 @@ struct Board {
     image: ImageMemory,
     generation: Cell<u32>,
     words_to_exchange: Cell<u32>,
-    /// The word and the bit in it that are wrong at the first read of this word, and only then.
+    /// A word, and the bit in it that is wrong the first time this word is read.
     wrong_read: Cell<Option<(usize, u32)>>,
 }
 
@@ -94,7 +94,6 @@ fn round(check: &mut ImageCheck<N>, board: &Board) -> Vec<usize> {
         .collect()
 }
 
-/// Returns the number of the object to which a byte of the image belongs; Link-Status is 0.
 fn object_of(byte: usize) -> usize {
     let at = |object: &usize| ImageCheck::<N>::place(*object).expect("an object").contains(&byte);
     (0..ImageCheck::<N>::OBJECTS).find(at).expect("every byte belongs to one")
@@ -152,7 +151,6 @@ proptest! {
         let mut check = ImageCheck::<N> { next: object_of(byte) };
         board.words_to_exchange.set(words);
         prop_assert_eq!(check.step(&board), None);
-        // The image is not exchanged any more, so this step finishes the check of the object and finds the damage.
         prop_assert_eq!(check.step(&board), Some(8));
     }
 
@@ -245,14 +243,12 @@ fn a_self_test_ends_after_a_whole_pass_of_flash_and_ram() {
             let of_ram = Slice { ram_pass: Some(ram), ..Slice::default() };
             let (first, second) = if ram_first { (of_ram, of_flash) } else { (of_flash, of_ram) };
             judge.judge(&first, None, &integrity, &telemetry);
-            // A self-test waits for one pass over each memory, so a second pass over the first memory does not count.
             judge.judge(&Slice { flash: None, ram_pass: None, ..first }, None, &integrity, &telemetry);
             assert_eq!(integrity.take_result(), None);
             judge.judge(&second, None, &integrity, &telemetry);
             assert!(!integrity.is_self_test_running());
             assert_eq!(integrity.take_result(), Some(passed), "{flash:?} {ram}");
             assert_eq!(integrity.take_result(), None);
-            // After the self-test, further passes give no result.
             judge.judge(&both, None, &integrity, &telemetry);
             assert_eq!(integrity.take_result(), None);
         }

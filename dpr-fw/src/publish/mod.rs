@@ -16,16 +16,16 @@
 //!   raises FRESH itself. It masks the SSI task from the check for a transaction until FRESH has risen.
 //!
 //! **Expiry.** FRESH restarts a timer in hardware. If the timer is not restarted in time, it takes the semaphore from
-//! the SPIS without the processor's help (a compare, through PPI to the task ACQUIRE), and every later transaction
-//! reads 0xFF. The SSI task releases an image again only if its time is not over. That time can end between check and
-//! release; therefore the timer has a second compare, [`EXPIRY_AGAIN_US`] after the first.
+//! the SPIS without the processor's help (a compare, through PPI to the task ACQUIRE). Every later transaction then
+//! reads 0xFF. The SSI task releases an image again only if the image's time is not over. That time can end between
+//! check and release. Therefore the timer has a second compare, [`EXPIRY_AGAIN_US`] after the first.
 //!
 //! **Every order.** `tests/interleavings` runs these types in every order of both tasks, the scrub, DMA, the flight
 //! controller and the timer (`docs/decisions/0012-exhaustive-interleavings.md`).
 //!
-//! **Bounds.** A pause after each transaction and the number of transactions that are granted ([`ssi`](crate::ssi))
-//! bound how often the SSI task runs. The SSI task waits for the commit task only while that task holds the mailbox,
-//! which takes as long as moving a few pointers.
+//! **Bounds.** The number of transactions that are granted, and the pause after each ([`ssi`](crate::ssi)), bound how
+//! often the SSI task runs. The SSI task waits for the commit task only while the commit task holds the mailbox, which
+//! takes as long as moving a few pointers.
 
 mod mailbox;
 mod server;

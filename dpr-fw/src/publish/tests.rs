@@ -61,7 +61,7 @@ struct World {
     paused: bool,
     /// The number of the image that the last release gave to the SPIS.
     loaded: Option<u32>,
-    /// What the present transaction reads; `None` between transactions.
+    /// The answer that the transaction in progress reads; `None` between transactions.
     selected: Option<Read>,
     /// The bytes that will have come in when the present transaction ends.
     mosi: Vec<u8>,
@@ -231,7 +231,6 @@ impl Board {
         self.point();
     }
 
-    /// Scrubs the images that wait for a scrub, and returns their number.
     fn scrub(&self) -> u32 {
         let found = crate::triple::scrub_waiting(self.clone());
         assert_eq!((found.stuck_bits, found.out_of_use), (0, 0));

@@ -90,8 +90,8 @@ impl Explorer {
         let mut search = self.search.borrow_mut();
         let asked = search.asked;
         search.asked += 1;
-        // Before its last choice, this run repeats the previous one. So a digest from that time equals the previous
-        // run's and is taken from there.
+        // Before its last choice, this run is the same as the previous one. So every digest from before that choice is
+        // taken from the previous run.
         if search.made < search.path.len() {
             if let Some(&known) = search.digests.get(asked) {
                 return known;

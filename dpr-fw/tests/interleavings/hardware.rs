@@ -125,7 +125,6 @@ pub(crate) struct Hardware {
     pub(crate) announced: u8,
     pub(crate) receiving: usize,
     pub(crate) arrived: u8,
-    /// The number of the frame that is arriving or comes next.
     pub(crate) frame: u8,
     left: Left,
 }
@@ -179,8 +178,8 @@ impl Hardware {
         }
     }
 
-    /// Calls `with` for each event that is enabled while a task of priority `level` runs. An event that only calls a
-    /// task is enabled when that task would run at once, since earlier it would have no effect.
+    /// Calls `with` for each event that can happen while a task of priority `level` runs. An event that only calls a
+    /// task is left out while that task could not run at once, because it would have no effect before.
     pub(crate) fn steps(&self, level: u8, receiver_runs: bool, bounds: &Bounds, mut with: impl FnMut(Step)) {
         // A transaction that begins while the processor has the semaphore reads DEF throughout and changes no state (PS
         // v1.7, 6.26.1). So the search leaves it out.

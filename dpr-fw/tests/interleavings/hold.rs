@@ -14,10 +14,9 @@ use super::explorer::{digest, holds, Counterexample, Explored, Explorer};
 /// end's IRQ to the answer, in counts.
 const LAST: u8 = 6;
 const ANSWER: u8 = 3;
-/// The shortest time from the present to a new compare value, in counts.
 const SHORTEST: u8 = 1;
 
-/// A rule of the second port's code that a test breaks on purpose, so that the exploration must find a fault.
+/// A rule of the second port's code that a test breaks on purpose, so the exploration must find a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mutation {
     None,
@@ -31,7 +30,7 @@ enum Mutation {
     AbortNotParked,
     /// Mutation: the task raises chip select, which only the end of a transfer should do.
     DeselectedByTask,
-    /// Mutation: the IRQ's edge stays unmasked while the port rests.
+    /// Mutation: the interrupt for the front end's IRQ pin stays unmasked after the budget of the second port is spent.
     EdgeNotMasked,
     /// Mutation: the end of a transfer stays masked after a rest.
     EndStaysMasked,
@@ -195,7 +194,6 @@ impl Board {
         digest((&*self.hw.borrow(), &*self.driver.borrow(), *self.seen.borrow(), name, more))
     }
 
-    /// Whether an event of the hold's front end calls the task.
     fn is_called(&self) -> bool {
         let hw = self.hw.borrow();
         hw.end && !hw.end_masked || hw.edge && !hw.edge_masked || hw.time_out && !hw.masked
@@ -222,8 +220,8 @@ impl Board {
             self.happen(steps[taken]);
         }
         if *self.resting.borrow() {
-            // Once the budget's window has ended, the first call to check in ends the rest. It then handles the events
-            // that wait.
+            // The budget's window has ended, so this check-in ends the rest. The task then handles the events that
+            // wait.
             *self.wants_rest.borrow_mut() = false;
             *self.called_to_check_in.borrow_mut() = true;
             self.wake();
@@ -234,7 +232,6 @@ impl Board {
         holds(!hw.irq && *self.driver.borrow() == Driver::Listening, "an event is never served");
     }
 
-    /// Runs a task of the second port ([`dpr_fw::hold::Responder::serve`]).
     fn task(&self) {
         self.access("clears the edge", |hw| hw.edge = false);
         if *self.resting.borrow() {
@@ -276,7 +273,6 @@ impl Board {
             }
             Driver::Waits(kind) if self.ended() => match kind {
                 Kind::Frame => {
-                    // Reading the status makes the IRQ pin low.
                     self.hw.borrow_mut().irq = false;
                     self.start(Kind::Head);
                 }
@@ -293,7 +289,6 @@ impl Board {
             Driver::Waits(_) => {
                 if self.access("takes the time-out", |hw| std::mem::take(&mut hw.time_out)) {
                     self.abort();
-                    // The state machine starts again, and reads the status, which makes the IRQ pin low.
                     self.hw.borrow_mut().irq = false;
                     self.listen();
                 }

@@ -18,20 +18,21 @@
 //! | timers | the deadline of the next frame; both compares of the expiry; the end of the pause after a transaction |
 //! | RAM | a bit gets stuck; a store that no fence holds back comes late |
 //!
-//! Two halves stand for all words of a buffer. The processor and EasyDMA both access a buffer from its start to its
-//! end, so they meet at a single point, with one half before that point and one after it.
+//! Two halves stand for all words of a buffer. They suffice, because the processor and EasyDMA both access a buffer
+//! from its start to its end. The two therefore meet at a single point of the buffer, with one half before that point
+//! and one after it.
 //!
-//! loom explores threads on the memory model of C11. Here the interrupts of one core, which have priorities and run to
-//! their end, meet hardware without a program; neither is a thread.
+//! loom explores threads on the memory model of C11. These tests have no threads: interrupts of one core, which have
+//! priorities and run to their end, meet hardware that runs no program.
 //!
 //! # What is not shown
 //!
-//! The search knows the order of events and no instants. So it also explores orders that cannot happen on silicon,
-//! because one step takes longer than another. There are two exceptions: a compare does not come when its timer was
-//! just cleared, and the second compare comes later than the SSI task takes. Review, and the bench, which runs the
-//! image, show that `hw/ssi.rs` makes the accesses of [`board`]'s port in the same order. A fence cannot be executed,
-//! so a missing fence is explored as the late store or early load that it would allow. The budget of transactions is
-//! larger than a search can be.
+//! The search considers the order of events, but not their instants. So it also explores orders that cannot happen on
+//! silicon, because one step takes longer than another. There are two exceptions: a compare does not come when its
+//! timer was just cleared, and the second compare comes later than the SSI task takes. Review, and the bench, which
+//! runs the image, show that `hw/ssi.rs` makes the accesses of [`board`]'s port in the same order. A fence cannot be
+//! executed, so a missing fence is explored as the late store or early load that it would allow. The budget of
+//! transactions is larger than a search can be.
 
 mod board;
 mod explorer;
@@ -85,9 +86,9 @@ enum Mutation {
     NoSecondCompare,
     /// Mutation: the event of the expiry timer's compare is cleared before the timer.
     EventClearedBeforeTimer,
-    /// Mutation: no pause masks the end of a transaction, so that each end calls the SSI task.
+    /// Mutation: there is no pause after a transaction, so each end of a transaction calls the SSI task.
     NoPause,
-    /// Mutation: a pause begins although its compare is not set, so that the pause never ends.
+    /// Mutation: a pause begins although its compare is not set, so the pause never ends.
     PauseWithoutEnd,
     /// Mutation: a new pause begins without clearing the event of the previous pause's end, which then ends the new
     /// pause.

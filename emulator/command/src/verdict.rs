@@ -25,7 +25,7 @@ pub(crate) fn summary(outcome: &Outcome, clock: Clock) -> String {
 }
 
 /// Returns a message about the run, if one is needed, and the run's status. `seconds` is the time that the run was
-/// meant to take, or else `limit` is the longest time.
+/// meant to take, if any. Otherwise `limit` is the longest time that the run may take.
 pub(crate) fn verdict(seconds: Option<f64>, limit: f64, outcome: &Outcome) -> (Option<String>, u32) {
     if outcome.exit.is_none() && !outcome.died {
         let restarts = match outcome.resets {
@@ -54,8 +54,8 @@ pub(crate) fn verdict(seconds: Option<f64>, limit: f64, outcome: &Outcome) -> (O
 }
 
 pub(crate) fn linked_elsewhere(target: Target, firmware: &Firmware) -> Option<String> {
-    // A program for the nRF52840 can be loaded at address 0 of the STM32, which has flash there too. Its code is linked
-    // for other addresses and would not run.
+    // A program for the nRF52840 can be loaded at address 0 of the STM32, which has flash there too. The program is
+    // linked for other addresses and would not run.
     const STM32_FLASH: u64 = 0x0800_0000;
     let lies_below = firmware.segments().iter().all(|(address, _)| *address < STM32_FLASH);
     (target == Target::Stm32f429 && lies_below).then(|| {

@@ -124,14 +124,14 @@ fn run(part: &Part, arguments: &[&str]) -> (Option<i32>, String, String) {
     (status.code(), String::from_utf8_lossy(&stdout).into_owned(), String::from_utf8_lossy(&stderr).into_owned())
 }
 
-/// Runs the firmware with the script of this name, which is a file in the project's folder.
 fn scripted(part: &Part, name: &str, script: &str, arguments: &[&str]) -> (Option<i32>, String, String) {
     let name = format!("{name}-{}.script", part.name);
     std::fs::write(folder().join(&name), part.script(script)).unwrap();
     run(part, &[&["--script", &name], arguments].concat())
 }
 
-/// Returns the example script in the command's README, whose first line is `drive`, indented by four blanks.
+/// Returns the example script that stands in the command's README, indented by four blanks. The script's first line is
+/// `drive`.
 fn readme() -> String {
     let lines = include_str!("../README.md").lines().skip_while(|line| !line.starts_with("    drive"));
     lines.map_while(|line| line.strip_prefix("    ")).collect::<Vec<_>>().join("\n")
@@ -306,7 +306,6 @@ fn a_trace_has_the_pins_and_the_handlers_of_the_run() {
         // it.
         assert!(changes(&part.button.replace('.', "_")).contains("101"), "{}", changes(&part.button.replace('.', "_")));
         assert!(changes(&part.bell.replace('.', "_")).contains("010"), "{}", changes(&part.bell.replace('.', "_")));
-        // The handler of SysTick ran every millisecond.
         assert!(changes("SysTick").matches("10").count() > 20, "{}", changes("SysTick"));
     }
 }

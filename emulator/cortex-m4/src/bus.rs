@@ -156,7 +156,7 @@ pub trait Bus {
 
     /// Returns the wait states that [`Bus::wait_states`] would return for an access to memory at `cycle`, and has the
     /// same effects. With `fetch` the core fetches the word at `address`, else it reads or writes data there. Returns
-    /// `None`, without an effect, where the address alone does not tell them. This way is faster than
+    /// `None`, without an effect, if the address alone does not determine the wait states. This way is faster than
     /// [`Bus::wait_states`].
     #[inline(always)]
     fn memory_waits(&mut self, address: u32, fetch: bool, cycle: u64, bound: Bound) -> Option<u32> {

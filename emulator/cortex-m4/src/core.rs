@@ -32,8 +32,7 @@ pub struct Config {
 /// The reason for which [`Core::run`] returned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Exit {
-    /// The core reached the cycle that the caller set as the end. It may have gone on for at most one instruction or
-    /// one exception entry.
+    /// The core reached the cycle that the caller set as the end, or passed it by one instruction or exception entry.
     Until,
     /// The part called [`crate::Signals::stop`].
     Stopped,
@@ -46,16 +45,16 @@ pub enum Exit {
     /// The next instruction is `BKPT 0xAB`, a semihosting call; see [`Core::finish_host_call`]. The instruction was not
     /// executed.
     HostCall,
-    /// The core has just locked up (`locked_up`) and executes nothing until it is reset. This is returned once per
-    /// lockup, since time goes on.
+    /// The core has just locked up (`locked_up`) and executes nothing until it is reset. [`Core::run`] returns this
+    /// once for each lockup. Later calls let the time pass.
     Lockup,
     /// The firmware wrote AIRCR.SYSRESETREQ: the part has to reset the core, see [`Core::reset`].
     ResetRequest,
     /// The core has just entered HardFault, MemManage, BusFault or UsageFault, and the caller requested this exit, see
     /// [`Core::tell_faults`]. The first instruction of the handler was not executed.
     Fault,
-    /// The core has just halted for debug (DHCSR.S_HALT) and executes nothing until the debugger resumes it. This is
-    /// returned once per halt, since time goes on.
+    /// The core has just halted for debug (DHCSR.S_HALT) and executes nothing until the debugger resumes it.
+    /// [`Core::run`] returns this once for each halt. Later calls let the time pass.
     Halted,
 }
 
@@ -130,10 +129,11 @@ pub struct Core<C: Cost> {
     pub(crate) owed: u64,
     /// The cycle at which lazy preservation last saved the floating-point state.
     pub(crate) preserved_fp: u64,
-    /// N, Z, C and V before an instruction in an IT block that must leave them as they are.
+    /// The flags N, Z, C and V before the present instruction. In an IT block some instructions must leave these flags
+    /// as they are.
     pub(crate) kept_flags: Flags,
-    /// The address of the last word of code that was fetched, from which wait states are counted. An odd value means
-    /// that there is none.
+    /// The address of the last word of code that was fetched. Wait states are counted from it. An odd value means that
+    /// there is none.
     pub(crate) fetched: u32,
     /// The cycle before which the core executes nothing. The part sets it while the bus stalls the core.
     pub(crate) stalled_until: u64,
@@ -143,7 +143,7 @@ pub struct Core<C: Cost> {
     pub(crate) passed: Option<u32>,
     /// The address of a semihosting call that the caller does not answer, so that the core treats it as a plain `BKPT`.
     pub(crate) refused_call: Option<u32>,
-    /// Whether the part has been told that the core fell asleep, but not that it woke.
+    /// Whether the part has been told that the core fell asleep, but not yet that the core woke.
     pub(crate) told_sleep: bool,
     pub(crate) told_lockup: bool,
     pub(crate) told_halt: bool,
@@ -349,7 +349,7 @@ impl<C: Cost> Core<C> {
 
     /// Makes the core hang until it is reset: from the next instruction boundary on it executes nothing, takes no
     /// exception (not even NMI) and does not wake. Its timers count on, and interrupts become pending. A debugger may
-    /// halt and reset the core. A debugger's step ends at the instruction at which it began.
+    /// halt and reset the core. If it steps a core that hangs, the program counter does not move.
     pub fn hang(&mut self) {
         self.hung = true;
     }

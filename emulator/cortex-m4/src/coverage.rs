@@ -23,7 +23,8 @@ const FAILED: u8 = 4;
 pub struct Seen {
     /// The instruction was completed at least once. An instruction of an IT block that was only skipped was not.
     pub executed: bool,
-    /// Its condition was true at least once: the branch was taken, or the instruction of an IT block was executed.
+    /// The instruction's condition was true at least once: the branch was taken, or the instruction of an IT block was
+    /// executed.
     pub passed: bool,
     /// Its condition was false at least once.
     pub failed: bool,
@@ -83,21 +84,24 @@ impl Record {
 pub enum Flow {
     /// At the next instruction.
     On,
-    /// At the address, or at the next instruction: a conditional branch.
+    /// Execution goes on at this address or at the next instruction: a conditional branch.
     Either(u32),
     /// At the address.
     To(u32),
-    /// At the function at this address, and at the next instruction when it returns.
+    /// Execution goes on at the function at this address, and at the next instruction when the function returns.
     Call(u32),
-    /// At the next instruction, after a function whose address is in a register.
+    /// Execution goes on at the next instruction, after a function whose address is in a register.
     CallRegister,
-    /// At an entry of the table behind the instruction: of halfwords if the value is true, else of bytes.
+    /// Execution goes on at an entry of the table behind the instruction. The table has halfwords if the value is true,
+    /// else bytes.
     Table(bool),
-    /// At an address that the instruction alone does not tell: a return, or a jump to a register's value.
+    /// Execution goes on at an address that the instruction alone does not tell: a return, or a jump to a register's
+    /// value.
     Elsewhere,
-    /// At the next instruction. The next one to four are an IT block; this is the state for [`conditional`].
+    /// Execution goes on at the next instruction, which begins an IT block of one to four instructions. The value is
+    /// the state for [`conditional`].
     Block(u8),
-    /// Nowhere: the encoding is undefined or is `BKPT`, so the instruction faults.
+    /// Execution goes nowhere: the encoding is undefined or is `BKPT`, so the instruction faults.
     Stop,
 }
 
@@ -140,8 +144,8 @@ fn flow_of(op: &Op) -> Flow {
     }
 }
 
-/// Returns whether the next instruction of an IT block has a condition that can fail, and the state of the rest of the
-/// block, which is 0 at its end.
+/// Returns whether the next instruction of an IT block has a condition that can fail. Also returns the state after that
+/// instruction, which is 0 at the block's end.
 #[must_use]
 pub const fn conditional(state: u8) -> (bool, u8) {
     (state != 0 && state >> 4 < 14, crate::run::after(state))
@@ -154,7 +158,7 @@ impl<C: Cost> Core<C> {
         self.record = record;
     }
 
-    /// The outcome of the condition of the instruction `op`, which comes next; `None` if it has none.
+    /// The outcome of the condition of the next instruction, `op`; `None` if `op` has no condition.
     fn outcome(&self, op: &Op) -> Option<bool> {
         if self.it != 0 {
             return conditional(self.it).0.then(|| self.passes(self.it >> 4));
@@ -181,7 +185,8 @@ impl<C: Cost> Core<C> {
     /// Executes `op` at r15 as [`Core::single`] does, and notes it if there is a record.
     #[inline(never)]
     pub(crate) fn single_noted<B: Bus>(&mut self, bus: &mut B, op: &Op) {
-        // Taken, not cloned: boards on two threads that share a record would fight over its reference count.
+        // The record is moved, not cloned: boards on several threads that share a record would contend for its
+        // reference count.
         let Some(record) = self.record.take_if(|_| op.size != 0) else { return self.single(bus, op) };
         let (pc, retired, outcome) = (self.r[15], self.retired, self.outcome(op));
         self.single(bus, op);

@@ -1,7 +1,7 @@
 //! The condition flags N, Z, C and V.
 
 /// N, Z, C and V, in a form that costs little to set. Most instructions only store their result, and whoever reads the
-/// flags computes them from it.
+/// flags computes them from that result.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Flags {
     /// N is bit 31 of this word.

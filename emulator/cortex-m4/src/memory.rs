@@ -31,7 +31,8 @@ const fn sized(bytes: u8) -> Width {
     }
 }
 
-/// Whether `address` may be a bit-band alias or in the core's own space. Some other addresses give true as well.
+/// Whether `address` may be a bit-band alias or in the core's own space. The result is true for some other addresses as
+/// well.
 #[inline(always)]
 const fn is_special(address: u32) -> bool {
     address >= PRIVATE || address & 0x9E00_0000 == 0x0200_0000
@@ -95,7 +96,6 @@ impl<C: Cost> Core<C> {
         self.store_as(bus, address, width, value, purpose, privileged)
     }
 
-    /// Loads with the given privilege, for the LDRT family.
     #[inline(always)]
     pub(crate) fn load_as<B: Bus>(
         &mut self,
@@ -111,7 +111,6 @@ impl<C: Cost> Core<C> {
         self.load_plain(bus, address, width, purpose, privileged)
     }
 
-    /// Stores with the given privilege, for the STRT family.
     #[inline(always)]
     pub(crate) fn store_as<B: Bus>(
         &mut self,
@@ -163,7 +162,6 @@ impl<C: Cost> Core<C> {
         self.store(bus, address, Width::Word, value, Purpose::Data)
     }
 
-    /// Counts the wait states of an access to memory.
     #[inline(always)]
     fn count_memory<B: Bus>(&mut self, bus: &mut B, address: u32, width: Width, purpose: Purpose) {
         if let Some(bound) = C::BOUND {
@@ -175,7 +173,6 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Asks the bus for the wait states of an access.
     #[inline(never)]
     pub(crate) fn asked_waits<B: Bus>(
         &mut self,

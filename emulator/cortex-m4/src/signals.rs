@@ -24,7 +24,7 @@ impl Signals {
         self.changed = true;
     }
 
-    /// Announces that [`crate::Bus::due`] moved and nothing else changed. It costs the core less than
+    /// Announces that [`crate::Bus::due`] moved and nothing else changed. This call costs the core less than
     /// [`Signals::announce`].
     #[inline]
     pub fn announce_due(&mut self) {
@@ -129,7 +129,6 @@ impl Signals {
 pub(crate) struct Change {
     /// Whether more than [`crate::Bus::due`] changed, so that exceptions have to be checked.
     pub(crate) signals: bool,
-    /// The cycle before which the core must execute nothing.
     pub(crate) stalled_until: u64,
     pub(crate) forget_code: bool,
     pub(crate) stop: bool,

@@ -27,7 +27,7 @@ pub enum Scheduled {
     /// The handler of the active exception has ended, and the core begins to return from it.
     Exit,
     /// PRIMASK, BASEPRI or FAULTMASK changed: exceptions of this priority and of less urgent ones, which have higher
-    /// numbers, are held back from now on. 256 if none is.
+    /// numbers, are held back from now on. The value is 256 if no exception is held back.
     Masked(i16),
     /// The core was reset.
     Reset,
@@ -57,8 +57,8 @@ impl Watch {
     }
 
     /// Completes the record after a burst up to `cycle`. `before` is the number of changes that were recorded before
-    /// the burst. A change ends a burst, so at most one is new. Its cycle is known only now, because an instruction's
-    /// cycles are counted after its execution.
+    /// the burst. A change ends a burst, so at most one change is new. The cycle of the new change is known only now,
+    /// because an instruction's cycles are counted after its execution.
     #[inline]
     pub(crate) fn complete(&mut self, (before, scheduled): (usize, usize), cycle: u64) {
         if self.record.len() > before
@@ -121,7 +121,6 @@ impl<C: Cost> Core<C> {
         self.watch.schedule.as_mut().map(|schedule| std::mem::take(&mut schedule.events)).unwrap_or_default()
     }
 
-    /// Records an event of the schedule at the present cycle.
     #[inline]
     pub(crate) fn note_scheduled(&mut self, event: Scheduled) {
         if let Some(schedule) = &mut self.watch.schedule {
@@ -135,7 +134,6 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Records the exceptions that became pending since the last call.
     #[inline]
     pub(crate) fn note_pending(&mut self) {
         let Some(schedule) = &mut self.watch.schedule else { return };
@@ -152,7 +150,6 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Records which priorities are masked, if that has changed.
     pub(crate) fn note_mask(&mut self) {
         if self.watch.schedule.is_none() {
             return;
@@ -174,7 +171,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Records a change of IPSR that came from neither an entry nor a return. `before` is the value that IPSR had.
+    /// Records a change of IPSR outside an entry or a return. `before` is the earlier value.
     pub(crate) fn exception_changed_from(&mut self, before: u16) {
         if self.ipsr != before {
             self.exception_changed();

@@ -6,7 +6,7 @@
 
 use crate::{Bus, Core, Cost, Exit, Width};
 
-/// A range of addresses, with the kinds of access to it at which to stop.
+/// A range of addresses, and the kinds of access to it that stop the core.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Watchpoint {
     /// The first watched byte.

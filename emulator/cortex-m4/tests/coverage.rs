@@ -30,15 +30,15 @@ fn seen(code: &[u16], cycles: u64) -> (Vec<Seen>, Board) {
 
 #[test]
 fn a_loop_goes_both_ways_and_what_it_skips_never_executes() {
-    // movs r0, #3; subs r0, #1; bne back to it; b over the next; nop; itself.
+    // The code is: movs r0, #3; subs r0, #1; bne back to it; b over the next; nop; b .
     let (seen, _) = seen(&[0x2003, 0x3801, 0xD1FD, 0xE000, 0xBF00, STAY], 100);
     assert_eq!(seen, [RUN, RUN, BOTH, RUN, NEVER, RUN]);
 }
 
 #[test]
 fn branches_that_go_one_way_only_are_told_apart() {
-    // movs r0, #0; cbz r0 over the next; nop; cbnz r0 over the next; nop; cmp r0, #0; beq over the next; nop; bne;
-    // stay.
+    // The code is: movs r0, #0; cbz r0 over the next; nop; cbnz r0 over the next; nop; cmp r0, #0; beq over the next;
+    // nop; bne; b .
     let code = [0x2000, 0xB100, 0xBF00, 0xB900, 0xBF00, 0x2800, 0xD000, 0xBF00, 0xD100, STAY];
     let (seen, _) = seen(&code, 100);
     assert_eq!(seen, [RUN, TAKEN, NEVER, NOT_TAKEN, RUN, RUN, TAKEN, NEVER, NOT_TAKEN, RUN]);
@@ -46,18 +46,19 @@ fn branches_that_go_one_way_only_are_told_apart() {
 
 #[test]
 fn instructions_of_an_it_block_pass_or_are_skipped() {
-    // movs r0, #1; cmp r0, #1; ite eq; moveq r1, #7; movne r1, #9; and again with r0 == 2; stay.
+    // The code is: movs r0, #1; cmp r0, #1; ite eq; moveq r1, #7; movne r1, #9; and again with r0 == 2; b .
     let block = [0x2801, 0xBF0C, 0x2107, 0x2109];
     let once = [&[0x2001][..], &block, &[STAY]].concat();
     assert_eq!(seen(&once, 100).0, [RUN, RUN, RUN, TAKEN, SKIPPED, RUN]);
-    // The block is executed with r0 from 1 to 2: adds r0, #1; cmp r0, #3; bne back to the block; stay.
+    // The code is a block that is executed with r0 from 1 to 2: adds r0, #1; cmp r0, #3; bne back to the block; b .
     let twice = [&[0x2001][..], &block, &[0x3001, 0x2803, 0xD1F8, STAY]].concat();
     assert_eq!(seen(&twice, 100).0, [RUN, RUN, RUN, BOTH, BOTH, RUN, RUN, BOTH, RUN]);
 }
 
 #[test]
 fn code_in_ram_is_recorded_where_it_runs_until_it_is_changed() {
-    // movs r1, #5; bx r14, at the start of RAM. The caller: blx r2; str r3, [r4], which changes the first one; blx r2.
+    // The code at the start of RAM is: movs r1, #5; bx r14. Its caller is: blx r2; str r3, [r4], which changes the
+    // first instruction in RAM; blx r2.
     let in_ram = [0x2105, 0x4770];
     let mut rig = Rig::new(&[0x4790, 0x6023, 0x4790, STAY]);
     rig.board.ram[..4].copy_from_slice(&bytes(&in_ram));

@@ -38,8 +38,7 @@ struct Storm {
     period: u64,
     before: u64,
     due: u64,
-    /// The cycle at which line 0 rose. The next field is the longest time from a rise until the handler's write,
-    /// cycles.
+    /// The cycle at which line 0 rose. `latest` is the longest time from a rise until the handler's write, cycles.
     raised: u64,
     latest: u64,
     over: Option<u64>,

@@ -138,8 +138,8 @@ fn a_semihosting_call_is_answered_by_the_caller() {
     assert_eq!((rig.r(0), rig.core.pc()), (41, CODE + 6));
 }
 
-/// Returns two cores with code in RAM at its byte 0x200, to which they branch by r4. The first core's board can watch
-/// RAM for writes, the second's cannot.
+/// Returns two cores. Each has code at byte 0x200 of its RAM, and branches to that code by r4. The first core's board
+/// can watch RAM for writes, the second's cannot.
 fn in_ram(code: &[u16]) -> [Rig<Fast>; 2] {
     [true, false].map(|watches| {
         let mut rig = Rig::new(&[0x4720]);

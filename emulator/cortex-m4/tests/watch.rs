@@ -1,5 +1,5 @@
 //! Tests of the record of the active exception. Each handler, and the code returned to, begins with a store to the
-//! device. The device logs the cycle of the store, which the record must have too.
+//! device. The device logs the cycle of the store. The record must have the same cycle.
 
 use crate::common;
 
@@ -20,8 +20,8 @@ const SVC: u16 = 0xDF00;
 
 const HANDLERS: u32 = CODE + 0x100;
 
-/// Makes a core that is about to execute `SET_UP` and then `thread`. Interrupts 0 and 1 have the two handlers and
-/// priorities. SVC has the first handler.
+/// Makes a core that is about to execute `SET_UP` and then `thread`. `handlers` and `priorities` are those of
+/// interrupts 0 and 1. SVC has the first handler.
 fn rig<C: Cost>(thread: &[u16], handlers: [&[u16]; 2], priorities: [u8; 2]) -> Rig<C> {
     let mut board = Board::new(&[&SET_UP[..], thread].concat());
     for (index, code) in handlers.into_iter().enumerate() {

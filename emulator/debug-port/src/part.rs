@@ -6,7 +6,7 @@ use stm32f429::Stm32f429;
 
 use emulator_node::{Bare, Board};
 
-/// The effect of a write to one of the microcontroller's own access ports on its reset.
+/// The effect that a write to one of the microcontroller's own access ports has on the microcontroller's reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PinReset {
     /// The reset is unchanged.

@@ -1,6 +1,6 @@
 //! A gdb server for one board.
 //!
-//! [`serve`] runs a [`World`] with a board in it, to which a debugger is connected. The debugger uses gdb's remote
+//! [`serve`] runs a [`World`] with a board in it. A debugger is connected to that board. The debugger uses gdb's remote
 //! protocol over any connection. If the debugger halts the board, everything else in the world halts too
 //! ([`emulator_node::Halt`]). Nothing moves and no watchdog time passes meanwhile, so inspection does not change the
 //! run's outcome.

@@ -85,7 +85,7 @@ impl<W: World> Debuggee<W> {
                     (true, false) => WatchKind::Read,
                     (false, _) => WatchKind::Write,
                 },
-                // gdb expects a watched address. A wide access that covers one may begin at a lower address.
+                // gdb expects the address of the watchpoint. A wide access to that address may begin at a lower one.
                 addr: watched.address.max(watched.watchpoint.address),
             },
             Halt::Stepped => SingleThreadStopReason::DoneStep,

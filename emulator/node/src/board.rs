@@ -1,8 +1,9 @@
 //! What is wired around a microcontroller.
 //!
 //! A node tells its [`Board`] what the part does to pins and buses ([`emulator_part::Outside`], with instants in
-//! nanoseconds). [`Board::settle`] returns what the board's chips do to the part's pins. The node calls it after every
-//! call that reaches the board and at [`Board::next_event`], and the part gets the result at that same instant.
+//! nanoseconds). [`Board::settle`] returns what the board's chips do to the part's pins. The node calls
+//! [`Board::settle`] after every call that reaches the board and at [`Board::next_event`], and the part gets the result
+//! at that same instant.
 
 use std::fmt::Debug;
 use std::marker::PhantomData;
@@ -53,7 +54,7 @@ pub trait Board: Clone + Debug + Send + 'static {
     }
 
     /// The instant (ns) at which a chip of the board next acts by itself, `u64::MAX` for never. At that instant the
-    /// node calls [`Board::settle`], after which this function must return a later instant.
+    /// node calls [`Board::settle`]. After that call this function must return a later instant.
     fn next_event(&self) -> u64 {
         u64::MAX
     }
@@ -91,7 +92,7 @@ impl<P: Part> Board for Bare<P> {
 pub struct View<'a, B> {
     pub(super) board: &'a mut B,
     pub(super) time: &'a Timebase,
-    /// Whether the part has acted on the board since the flag was cleared.
+    /// Whether the part has acted on the board since this flag was cleared.
     pub(super) touched: &'a mut bool,
 }
 

@@ -151,7 +151,8 @@ impl<B: Board, C: Cost> Node<B, C> {
     ///
     /// # Errors
     ///
-    /// Returns [`Error::NoSymbol`] and [`Error::NotMemory`].
+    /// Returns [`Error::NoSymbol`] where the image has no such symbol, and [`Error::NotMemory`] where a byte is not
+    /// memory.
     pub fn read_symbol(&self, symbol: &str, to: &mut [u8]) -> Result<(), Error> {
         self.read(self.address_of(symbol)?, to)
     }

@@ -160,7 +160,7 @@ impl Firmware {
         self.0.symbols.get(name).copied()
     }
 
-    /// Returns the address of a variable or function by the end of its demangled path, `name`, in whole path segments.
+    /// Returns the address of the variable or function whose demangled path ends with `name`, in whole path segments.
     /// The compiler's hash at the end of a symbol does not count.
     pub fn symbol_called(&self, name: &str) -> Option<u64> {
         self.variable_called(name).map(|symbol| symbol.address)
@@ -261,7 +261,7 @@ impl Firmware {
     }
 
     /// The source line of the instruction at `address`, such as `src/main.rs:120`, if the image has DWARF. Inlined code
-    /// has several lines, of which this is the one that [`Firmware::place_of`] names.
+    /// has several lines. The returned one is that which [`Firmware::place_of`] names.
     #[must_use]
     pub fn line_of(&self, address: u64) -> Option<String> {
         self.source_of(address).map(|source| source.line)
@@ -288,7 +288,7 @@ impl Firmware {
                 let raw = function.raw_name().ok()?;
                 Some(format!("{:#}", rustc_demangle::demangle(&raw)))
             });
-            // An outer frame exists, so the function of the frame found before is inlined into it.
+            // If there is an outer frame, the function of the inner frame is inlined into the outer frame's function.
             if let (Some(found), true) = (&mut found, outermost.is_some()) {
                 found.inlined = found.inlined.take().or_else(|| found.function.take());
             }
@@ -304,8 +304,8 @@ impl Firmware {
             }
             outermost = function;
         }
-        // The debug information still has code that the linker removed, at address 0. On a part whose flash begins at 0
-        // it would hide the code that is there.
+        // The debug information still has code that the linker removed, at address 0. On a part whose flash begins at
+        // 0, the removed code would hide the code that is there.
         let start = self.function_at(address)?.start;
         let is_there = |name: &String| {
             let bare = |name: &str| name.rsplit("::").next().unwrap_or_default().to_owned();
@@ -323,7 +323,7 @@ impl Firmware {
 struct Source {
     /// The name of the function that contains the instruction, if the image has it.
     function: Option<String>,
-    /// The name of the containing function, if it was inlined into another one.
+    /// The name of the function that contains the instruction, if that function was inlined into another one.
     inlined: Option<String>,
     line: String,
 }

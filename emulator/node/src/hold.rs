@@ -204,8 +204,8 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
-    /// Halts, if the debugger has requested it, at a trap or a lock-up that ends the firmware. `before` is the number
-    /// of findings before it.
+    /// Halts the core after a trap or a lock-up that ended the firmware, if the debugger has requested this. `before`
+    /// is the number of findings before the trap or lock-up.
     pub(super) fn hold_at_end(&mut self, before: usize) {
         let ended = self.findings().iter().skip(before).any(|finding| finding.kind.ends_run());
         if ended && self.hold.halts_at_end {

@@ -158,8 +158,8 @@ impl<P> Leads<P> {
         self.watched.insert(pin);
     }
 
-    /// Makes the node return from [`super::Node::advance`] at each change of `pin` if it is watched, and at each byte
-    /// sent on it if bytes are collected.
+    /// Makes [`super::Node::advance`] return at each change of `pin` and at each byte that is sent on it. Changes count
+    /// only for a watched pin, and bytes only for a pin whose bytes are collected.
     pub fn wait_for(&mut self, pin: Option<Pin>) {
         self.awaited = pin;
     }

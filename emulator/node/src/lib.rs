@@ -104,7 +104,8 @@ pub struct Node<B: Board, C: Cost = Fast> {
     traps: Traps,
     hold: Hold,
     powered: bool,
-    /// The lowest supply voltage, in µV, since the supply fell so far that it holds the part in reset.
+    /// The lowest voltage of the supply, in µV, since it last fell below the voltage at which the part is held in
+    /// reset.
     lowest: u32,
     debugged: bool,
     told_halt: bool,

@@ -2,7 +2,7 @@
 //!
 //! Two boards run on one thread by conservative parallel simulation: a board never runs past the first instant at which
 //! the other board could reach it. That instant is the other board's next possible action plus the [`Lookahead`], the
-//! least time to cross. The next possible action is the board's next event while it sleeps, and its present while it is
+//! least time to cross. A board's next possible action is its next event while it sleeps, and the present while it is
 //! awake. Actors beside a board (a flight controller, a receiver) act at their own instants.
 //!
 //! The caller describes in a [`Between`] what leaves a board, when it arrives, and which actors are beside each board.

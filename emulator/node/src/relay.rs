@@ -2,7 +2,7 @@
 //!
 //! Nothing passes back to the first board, so it may run on its own thread, ahead of the second board. The second board
 //! begins a millisecond of virtual time only after the first has completed it. The second board learns of a message a
-//! fixed virtual time ahead of the message's instant, which the [`Downstream`] must allow for. A run depends only on
+//! fixed virtual time ahead of the message's instant. The [`Downstream`] must allow for this. A run depends only on
 //! virtual instants, and never on the order of threads.
 //!
 //! The caller describes what is beside the first board in an [`Upstream`] (receivers on its lines), and what is beside
@@ -21,8 +21,8 @@ const PIECE: u64 = 1_000_000;
 /// The longest time, virtual ns, by which a message is passed on ahead of its instant.
 const HEARD_AHEAD: u64 = 1_000_000;
 
-/// The number of pieces by which the first board may be ahead on its own thread. The number is large enough that
-/// neither thread waits for the other's bursts, and small enough that little data is stored.
+/// The number of pieces that the first board, on its own thread, may be ahead. It is large enough that neither thread
+/// waits when the other is slow for a moment, and small enough that little data is stored.
 const LEAD: usize = 50;
 
 /// The surroundings of the first board, from which messages leave.
@@ -126,7 +126,7 @@ where
     ///
     /// # Errors
     ///
-    /// Returns the error of `each`, which ends the run.
+    /// Returns the error of `each`. Such an error ends the run.
     pub fn run<E>(
         &mut self,
         end: u64,
@@ -149,7 +149,7 @@ where
                             }
                         }
                     });
-                    // When this function returns, it drops the receiver of the channel, which ends the other thread.
+                    // When this function returns, it drops the receiver of the channel. This ends the other thread.
                     follow(b, downstream, end, step, move || told.recv().ok(), each)
                 })
             }

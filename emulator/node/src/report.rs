@@ -57,7 +57,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
-    /// Takes over the new findings of the models and the core.
+    /// Adds the new findings of the part's models and of the core to the node's list.
     fn report_errors(&mut self) {
         self.side.changed(self.present());
         let mut found = std::mem::take(&mut self.side.findings);
@@ -79,7 +79,7 @@ impl<B: Board, C: Cost> Node<B, C> {
 
     pub(super) fn trapped(&mut self) {
         let pc = u64::from(self.core.pc());
-        // A handler that is a branch to itself would meet the node's breakpoint in every turn, so the breakpoint is
+        // A handler that is a branch to itself would reach the node's breakpoint again and again, so the breakpoint is
         // removed.
         if memory::value(&self.side.part, pc, 2) == Some(BRANCH_TO_ITSELF) {
             self.core.clear_breakpoint(self.core.pc());

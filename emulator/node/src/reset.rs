@@ -147,7 +147,8 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.side.reset = None;
         self.side.settle(at);
         self.core.reset(&mut self.side);
-        // The models are told again whether the core is halted: some are made anew and assume that the core runs.
+        // The models are told again whether the core is halted, because a restart makes some of them anew, and a new
+        // model assumes that the core runs.
         self.told_halt = self.told_halt && !self.core.is_halted();
         self.tell_halt();
         let unfinished = self.log.finish(self.now());

@@ -62,15 +62,15 @@ pub(crate) fn count<P: Part>(part: &P, block: u64) -> Result<u64, RttFault> {
     }
     match memory::value(part, block + UP_COUNT, 4).unwrap_or(0) {
         count @ 1..=MOST_CHANNELS => Ok(count),
-        // No channels yet: start-up code may be copying the control block from flash into RAM, its name before the
-        // number of channels.
+        // The control block has no channels yet: start-up code may be copying it from flash into RAM, its name before
+        // its number of channels.
         0 => Err(RttFault::NotYet),
         count => Err(RttFault::Corrupt(format!("the RTT control block counts {count} up channels"))),
     }
 }
 
-/// Finds a control block in RAM, for an image whose symbols do not give its address. It is the first one with the magic
-/// at a multiple of four and a possible number of channels.
+/// Finds the control block in RAM, for an image whose symbols do not have the block's address. The control block is the
+/// first place with the magic, at a multiple of four, and a possible number of channels.
 pub(crate) fn find<P: Part>(part: &P) -> Option<u64> {
     P::RAM.iter().find_map(|&(start, size)| {
         let bytes = part.memory(start, size)?;
@@ -96,7 +96,7 @@ pub(crate) fn drain<P: Part>(part: &mut P, block: u64, channel: u64) -> Result<D
     let entry = block + CHANNELS + CHANNEL_BYTES * channel;
     let (buffer, size) = (word(part, entry + 4), word(part, entry + 8));
     let (write, read) = (word(part, entry + 12), word(part, entry + 16));
-    // A firmware's RAM test writes zeros and ones over the old control block, of which the magic may remain.
+    // A firmware's RAM test writes zeros and ones over the old control block, but the magic may remain.
     if size == 0 || [size, write, read].contains(&u64::from(u32::MAX)) {
         return Ok(Drained::default());
     }
@@ -140,7 +140,7 @@ pub(crate) fn drain<P: Part>(part: &mut P, block: u64, channel: u64) -> Result<D
 /// The severity of a log line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum LogLevel {
-    /// No level, as for `defmt::println!`, plain RTT text or a semihosting console.
+    /// The line has no level, as for `defmt::println!`, plain RTT text or a semihosting console.
     None,
     /// The level of `trace!`.
     Trace,

@@ -365,7 +365,6 @@ impl<P: Part, C: Cost> Running<P, C> {
         edges.for_each(|edge| event(Event::Pin(&edge)));
     }
 
-    /// Sets the end of the run if `finding` means that the firmware has died.
     fn note_end(&mut self, finding: &Finding) {
         if finding.kind.ends_run() {
             self.died = true;
@@ -394,8 +393,9 @@ impl<P: Part, C: Cost> Running<P, C> {
         &mut self.node
     }
 
-    /// The status of the run so far, as in [`Outcome::status`], but not zero after findings. `runs_on` says that the
-    /// firmware is meant to run for ever. The status is then zero if there are no findings.
+    /// The status of the run so far, as in [`Outcome::status`]. If there are findings, 1 takes the place of a zero.
+    /// `runs_on` says that the firmware is meant to run for ever. A firmware that has not exited then has the exit
+    /// status 0.
     pub fn status(&self, runs_on: bool) -> u32 {
         let exit = self.node.exit_status().or(runs_on.then_some(0));
         match status(exit, self.died) {
@@ -428,7 +428,6 @@ impl<P: Part, C: Cost> Running<P, C> {
     }
 }
 
-/// The text of the finding about a firmware that only restarts.
 fn restart_loop(resets: &[ResetAt]) -> String {
     let mut causes = BTreeMap::<String, usize>::new();
     for reset in resets {

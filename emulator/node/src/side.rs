@@ -38,8 +38,8 @@ pub(super) struct Side<B: Board> {
     idle: u64,
     /// The cycle since which the core has executed nothing; `None` while it executes.
     idle_from: Option<Cycle>,
-    /// The cycle after which nothing outside the core may happen yet, because an actor beside the board may act at that
-    /// cycle. `horizon_ns` is the same instant.
+    /// The cycle beyond which nothing outside the core may be simulated yet, because an actor beside the board may act
+    /// at that cycle. `horizon_ns` is the same instant.
     pub(super) horizon: Cycle,
     pub(super) horizon_ns: u64,
     /// Whether an actor has acted on the board since the core last ran. The core may then have to wake.
@@ -83,7 +83,6 @@ impl<B: Board> Side<B> {
         answer
     }
 
-    /// Lets the board react, and takes over the part's changes.
     #[inline]
     pub(super) fn after(&mut self, at: Cycle) {
         if self.touched {
@@ -137,7 +136,7 @@ impl<B: Board> Side<B> {
         }
     }
 
-    /// Takes over the part's findings, clock, reset request and interrupt lines after it announced a change.
+    /// Reads the part's new findings, clock, reset request and interrupt lines, after the part has announced a change.
     pub(super) fn changed(&mut self, at: Cycle) {
         // Findings are taken before a change of rate, because their cycles are counted at the old rate.
         let found = self.part.findings();
@@ -182,7 +181,7 @@ impl<B: Board> Side<B> {
         }
         if clock.hz > 0 {
             let idle = self.idle + self.idle_from.map_or(0, |from| at.saturating_sub(from));
-            // The core's present instruction may end later than this cycle.
+            // The cycle may be in the past, because the core's last instruction may have ended later.
             let cycles = (at - idle).max(self.awake.1);
             self.awake = (self.awake.0 + self.scaled(cycles - self.awake.1), cycles);
             if self.before.len() == CHANGES {
@@ -277,7 +276,7 @@ impl<B: Board> Bus for Side<B> {
     fn advance(&mut self, cycle: Cycle) {
         loop {
             let (part, board) = (self.part.due(), self.board_due);
-            // The last instruction of the core may have ended after the horizon.
+            // The core's last instruction may have ended after the cycle `horizon`.
             if part.min(board) > cycle.min(self.horizon) {
                 return;
             }

@@ -80,7 +80,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         };
         node.arm();
         node.core.tell_faults(true);
-        // The call also tells the board the state of the pins at power-on.
+        // The reset also tells the board the state of the pins at power-on.
         node.side.with(0, |part, view| part.reset(0, Reset::PowerOn, view));
         node.side.reset = None;
         node.side.settle(0);

@@ -46,7 +46,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.schedule = on.then(Vec::new);
     }
 
-    /// Takes the events that decide which exception runs since the last call, each with its instant (virtual ns), in
+    /// Takes the events since the last call that decide which exception runs, each with its instant (virtual ns), in
     /// order. Empty if they are not recorded.
     pub fn take_schedule(&mut self) -> Vec<(u64, Scheduled)> {
         self.note_tasks();
@@ -106,14 +106,15 @@ impl<B: Board, C: Cost> Node<B, C> {
         was_on
     }
 
-    /// Whether an interrupt would begin at once, since the core handles no exception, no enabled one is pending, and
+    /// Whether an interrupt would begin at once: the core handles no exception, no enabled exception is pending, and
     /// PRIMASK is 0.
     ///
     /// # Panics
     ///
     /// Panics if the core has no interrupt controller.
     pub fn is_ready_for_interrupts(&mut self) -> bool {
-        // VECTPENDING and VECTACTIVE, ARMv7-M ARM B3.2.4. An interrupt that is not enabled counts in neither.
+        // The mask covers ICSR's VECTPENDING and VECTACTIVE (ARMv7-M ARM B3.2.4). These fields leave out an interrupt
+        // that is not enabled.
         const HANDLING: u32 = 0x001F_F1FF;
         let icsr = self.access_port_read(ICSR, Width::Word).expect("an interrupt controller");
         self.is_powered() && icsr & HANDLING == 0 && self.core.register(Register::Primask) == 0
@@ -146,7 +147,8 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
-    /// Takes over the core's record of active exceptions, before the core's clock changes.
+    /// Moves what the core has recorded about exceptions into the node. This must be done before the core's clock
+    /// changes, because cycles are converted into instants by the present clock.
     pub(super) fn note_tasks(&mut self) {
         let side = &self.side;
         if let Some(schedule) = &mut self.schedule {

@@ -76,7 +76,6 @@ impl Board for Receiver {
     }
 }
 
-/// The wire's delay from the receiver back to the sender, in ns.
 const BACK: u64 = 1_000;
 
 #[derive(Debug, Default)]

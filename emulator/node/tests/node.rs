@@ -65,7 +65,7 @@ fn the_core_follows_its_clock_tree() {
     let mut node = bare(&firmware("clock tree", &main, &[]));
     node.advance(20 * MS);
     let turns = [COUNTER, COUNTER + 4].map(|at| node.word(u64::from(at)).unwrap());
-    // At either rate a turn of the loop takes two cycles of the core and of the timer.
+    // At 16 MHz and at 8 MHz, a turn of the loop takes two cycles of the core and of the timer.
     for cycles in turns {
         assert!(cycles.abs_diff(TURNS * 2) <= 20, "{turns:?}");
     }

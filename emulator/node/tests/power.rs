@@ -26,7 +26,6 @@ fn word<B: Board>(node: &mut Node<B>, address: u32) -> u32 {
     node.word(u64::from(address)).unwrap()
 }
 
-/// Runs to `to`, and returns the level changes on the wire out of the board.
 fn run(node: &mut Node<Player>, to: u64) -> Vec<(u64, bool)> {
     let mut edges = node.board_mut(Player::take_edges);
     while node.now() < to {

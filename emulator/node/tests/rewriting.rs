@@ -12,7 +12,6 @@ use thumb::{COUNTER, MAIN, Thumb, firmware, firmware_at};
 
 const MS: u64 = 1_000_000;
 
-/// The address in RAM of the function that is rewritten.
 const IN_RAM: u32 = 0x2000_1000;
 
 const fn function(value: u32) -> u32 {

@@ -14,7 +14,6 @@ pub(crate) type Id = usize;
 pub(crate) const GPIO: Id = 0x30;
 pub(crate) const COMP: Id = 0x13;
 
-/// An effect of a peripheral beyond its own registers.
 #[derive(Clone, Debug)]
 pub(crate) enum Act {
     /// The event register at this address was set. The event goes to the PPI.
@@ -61,7 +60,7 @@ pub(crate) enum Act {
     Convert,
     /// The comparator needs the voltages of its inputs.
     Compare,
-    /// The semaphore of an SPIS changed, or a transaction ended. The record is for the outside.
+    /// The semaphore of an SPIS changed, or a transaction ended. This act only informs the outside of the part.
     Spis {
         id: Id,
         event: SpisEvent,
@@ -98,7 +97,8 @@ pub(crate) struct Outbox {
 }
 
 impl Outbox {
-    /// Reports `what` at `place`. If the finding is known, only its count increases, and it keeps its first value.
+    /// Reports `what` at `place`. If the finding is known, only its count increases, and the finding keeps its first
+    /// value.
     #[cold]
     pub(crate) fn find(&mut self, at: Cycle, kind: FindingKind, place: &'static str, what: &'static str, value: u32) {
         if let Some(n) = self.known.iter().position(|known| *known == (kind, place, what)) {

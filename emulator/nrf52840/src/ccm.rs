@@ -27,7 +27,7 @@ const ENDKSGEN_CRYPT: u32 = 0;
 const CCM: u32 = 2;
 const AAR: u32 = 3;
 const KEY_STREAM: u64 = cycles(50_000);
-/// The bytes of header, length and one reserved byte.
+/// The size of a packet's header, length and one reserved byte, bytes.
 const HEADER: u32 = 3;
 const MIC: usize = 4;
 
@@ -72,7 +72,7 @@ fn authenticate(key: &[u8; 16], nonce: &[u8; 13], header: u8, clear: &[u8]) -> [
     first[1..14].copy_from_slice(nonce);
     first[15] = clear.len() as u8;
     let mut second = [0; 16];
-    // The additional data is the header byte without the bits that change when a packet is sent again.
+    // The cipher's additional data is the header byte without the bits that change when a packet is sent again.
     (second[1], second[2]) = (1, header & 0xE3);
     let mut state = encrypt(key, &first);
     let mut chain = |block: &[u8]| {
@@ -84,7 +84,7 @@ fn authenticate(key: &[u8; 16], nonce: &[u8; 13], header: u8, clear: &[u8]) -> [
     [state[0], state[1], state[2], state[3]]
 }
 
-/// Encrypts or decrypts; the operation is the same.
+/// Encrypts or decrypts a payload, which is the same operation.
 fn cipher(key: &[u8; 16], nonce: &[u8; 13], bytes: &mut [u8]) {
     for (n, chunk) in (1..).zip(bytes.chunks_mut(16)) {
         chunk.iter_mut().zip(stream(key, nonce, n)).for_each(|(byte, with)| *byte ^= with);

@@ -62,7 +62,6 @@ pub(crate) struct ClockPower {
     /// The start-up time of HFXO, in core cycles; `None` if the crystal never starts.
     hfxo_startup: Option<u64>,
     lfxo_startup: u64,
-    /// Whether HFXO was started and not stopped.
     hf_run: bool,
     hf_stable: bool,
     hf_due: Option<u64>,
@@ -166,7 +165,6 @@ impl ClockPower {
         self.hf_stable
     }
 
-    /// Whether the software's half of the access port protection is open.
     pub(crate) fn debug_port_enabled(&self) -> bool {
         self.plain(APPROTECT_DISABLE) == SW_DISABLE && self.plain(APPROTECT_FORCEPROTECT) != 0
     }
@@ -267,7 +265,7 @@ impl Instance for ClockPower {
         Some(match offset {
             0x400 => self.reset_reason,
             0x408 => u32::from(self.hf_run),
-            // HFCLK always runs; SRC tells its source.
+            // HFCLK always runs; SRC states its source.
             0x40C => 1 << 16 | u32::from(self.hf_stable),
             0x414 => u32::from(self.lf_run),
             0x418 => self.lf.map_or(0, |source| 1 << 16 | source as u32),
@@ -291,7 +289,7 @@ impl Instance for ClockPower {
         match offset {
             0x400 => self.reset_reason &= !value,
             0x408 | 0x40C | 0x414 | 0x418 | 0x41C | 0x428 | 0x438 | 0x640 => {}
-            // Firmware cannot open a debug port that is closed before the next reset.
+            // Once the debug port is closed, firmware cannot open it before the next reset.
             APPROTECT_FORCEPROTECT if self.plain(APPROTECT_FORCEPROTECT) == 0 => {}
             0x500 if value & 1 != 0 => cx.act(Act::Off),
             0x500 => {}

@@ -5,7 +5,7 @@
 //! | the core at 64 MHz and PCLK16M at a quarter of it, in phase; both from HFINT until HFXO has started | 5.4 |
 //! | LFCLK from LFRC, LFXO or synthesised from HFCLK, each with its own error | 5.4 |
 //!
-//! HFINT and HFXO also clock the core. Their error is in the length of a core cycle, and PCLK16M is always four core
+//! HFINT and HFXO also clock the core. Their error changes the length of a core cycle, and PCLK16M is always four core
 //! cycles. LFCLK has its own oscillator, so its rate in core cycles changes whenever either source changes. Counts are
 //! computed in integers from the last change, so that no error accumulates.
 //!

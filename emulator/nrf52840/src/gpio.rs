@@ -210,8 +210,8 @@ impl Gpio {
                 moved = was ^ self.dir[port];
             }
             0x520 => {
-                // A written 1 clears a latch. If the pin still meets its criterion, the latch is set again, and DETECT
-                // is low in between.
+                // A written 1 clears a latch. If the pin still meets its criterion, DETECT goes low for a moment and
+                // the latch is set again.
                 self.latch[port] &= !value;
                 if self.ldetect[port] {
                     self.detect = false;
@@ -251,7 +251,6 @@ impl Gpio {
         self.settle_all(now, out);
     }
 
-    /// Returns all pins from peripherals to GPIO.
     pub(crate) fn let_go(&mut self, now: Cycle, out: &mut Outbox) {
         self.held = [None; 64];
         self.settle_all(now, out);

@@ -113,7 +113,7 @@ impl Instance for Gpiote {
                 }
                 self.drive(channel, next >> 20 & 1 != 0, cx);
             }
-            // The first edge is a change from the pad's present level.
+            // The channel takes the pad's present level, so the first edge is a change from this level.
             1 => cx.act(Act::Sample { channel }),
             _ => {}
         }

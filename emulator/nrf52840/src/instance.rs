@@ -70,7 +70,6 @@ impl Cx<'_> {
     }
 }
 
-/// The registers of all peripherals: events, interrupt enable, shortcuts.
 #[derive(Debug, Default, Clone)]
 pub(crate) struct Block {
     pub(crate) events: u32,
@@ -96,14 +95,12 @@ impl Block {
     }
 }
 
-/// The first address of an instance, or of the GPIO ports.
 pub(crate) const fn address_of(id: Id) -> u32 {
     if id == GPIO { 0x5000_0000 } else { 0x4000_0000 + ((id as u32) << 12) }
 }
 
 /// One instance of a peripheral.
 pub(crate) trait Instance {
-    /// The registers that all peripherals have.
     fn block(&mut self) -> &mut Block;
     fn block_ref(&self) -> &Block;
     /// Triggers the task at `offset`. Returns `false` if no such task is modelled.
@@ -136,7 +133,6 @@ pub(crate) trait Instance {
     fn next(&self) -> Option<Cycle> {
         None
     }
-    /// Carries out the instance's events that are due now.
     #[inline]
     fn due(&mut self, cx: &mut Cx<'_>) {
         let _ = cx;

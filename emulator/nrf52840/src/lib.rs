@@ -224,10 +224,10 @@ impl Nrf52840 {
         self.soc.spis_quiet()
     }
 
-    /// Clocks several bytes as [`Nrf52840::spis_clock`] does, after the last of them has ended. The first ended at
-    /// `first`, and each further byte `byte_time` 2⁻¹⁶ cycles later. Memory is used in its present state. More bytes
-    /// than [`Nrf52840::spis_quiet`] would make an event late. Returns `false`, with 0xFF in `miso`, if no selected
-    /// SPIS drove MISO.
+    /// Clocks several bytes as [`Nrf52840::spis_clock`] does, after the last of them has ended. The first byte ended at
+    /// `first`. The bytes are `byte_time` apart, in units of 2⁻¹⁶ cycles. Memory is used in its present state. More
+    /// bytes than [`Nrf52840::spis_quiet`] would make an event late. Returns `false`, with 0xFF in `miso`, if no
+    /// selected SPIS drove MISO.
     pub fn spis_exchange<O: Outside>(
         &mut self,
         first: Cycle,
@@ -350,7 +350,7 @@ impl Part for Nrf52840 {
             lines: soc::INTERRUPT_LINES,
             priority_bits: 3,
             vector_table: 0,
-            // No reference clock, no calibration value (PS 4.1: SysTick counts the core clock).
+            // SysTick counts the core clock, and has neither a reference clock nor a calibration value (PS 4.1).
             systick_calibration: 1 << 31,
             systick_reference: 0,
             mpu_regions: 8,
@@ -446,9 +446,9 @@ impl Part for Nrf52840 {
         }
     }
 
-    /// The wait states of an access. From the PS: flash takes 2 without the instruction cache and 3 on a cache miss,
-    /// RAM takes none (4.1, *Electrical specification*, W_FLASH, W_FLASHCACHE, W_RAM). Assumed: 1 if EasyDMA may access
-    /// the same RAM, 1 to 6 through the bridge to the peripheral bus, and 0 to 1 to GPIO, which is on the AHB.
+    /// The wait states of an access. From the PS (4.1, *Electrical specification*, W_FLASH, W_FLASHCACHE, W_RAM): flash
+    /// takes 2 without the instruction cache and 3 on a cache miss, and RAM takes none. Assumed: 1 if EasyDMA may
+    /// access the same RAM, 1 to 6 through the bridge to the peripheral bus, and 0 to 1 to GPIO, which is on the AHB.
     fn wait_states(&mut self, access: &Access, bound: Bound) -> u32 {
         match bound {
             Bound::Best => u32::from((0x4000_0000..0x5000_0000).contains(&access.address)),

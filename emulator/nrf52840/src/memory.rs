@@ -25,7 +25,7 @@ pub(crate) const FLASH_BYTES: u32 = 1 << 20;
 pub(crate) const RAM_BYTES: u32 = 256 << 10;
 /// The first address of data RAM.
 pub(crate) const RAM_BASE: u32 = 0x2000_0000;
-/// The first address of the same RAM as code RAM (PS 4.2).
+/// The first address at which the same RAM is accessed as code RAM (PS 4.2).
 pub(crate) const CODE_RAM_BASE: u32 = 0x0080_0000;
 /// The first addresses of FICR and UICR, and the size of each.
 pub(crate) const FICR_BASE: u32 = 0x1000_0000;

@@ -58,7 +58,7 @@ impl Nvmc {
         true
     }
 
-    /// Keeps flash busy for `time` further cycles, in which a core that executes from flash is stalled.
+    /// Keeps flash busy for `time` further cycles. A core that executes from flash is stalled meanwhile.
     fn occupy(&mut self, time: u64, cx: &mut Cx<'_>) {
         if cx.now < self.busy_until {
             cx.misuse("begun while flash is still busy, cycles", (self.busy_until - cx.now) as u32);

@@ -7,8 +7,8 @@
 //! | the four loads of DECODER, REFRESH, ENDDELAY, LOOP; EasyDMA reads a step as its period begins | 6.17 |
 //! | the polarity bit; each edge at its own tick on the pins of PSEL.OUT | 6.17 |
 //!
-//! The PS demands that the pins are outputs (6.17, *Pin configuration*). Another pin is not driven, which is a finding.
-//! After a sequence its last step goes on until STOP (PS 6.17).
+//! The PS demands that the pins are outputs (6.17, *Pin configuration*). A pin that is no output is not driven, which
+//! is a finding. After the end of a sequence, its last step goes on until STOP (PS 6.17).
 //!
 //! Left out: COUNTERTOP, MODE and PRESCALER take effect only when a period begins.
 use crate::clocks::{CYCLES_PER_TICK, Clocks};
@@ -147,7 +147,6 @@ impl Pwm {
         }
     }
 
-    /// Begins the next step of the sequence if one is due, at the start of a period.
     fn advance(&mut self, cx: &mut Cx<'_>) {
         let by_task = self.decoder >> 8 & 1 != 0;
         let Some(play) = &mut self.play else { return };

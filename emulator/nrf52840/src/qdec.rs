@@ -174,7 +174,7 @@ impl Instance for Qdec {
         self.arm(cx);
         let (was, now) = (self.state, self.phases(cx));
         self.state = now;
-        // Forwards the phases are 00, 10, 11, 01 (PS 6.18: A leads B).
+        // In forward rotation the phases are 00, 10, 11, 01 (PS 6.18: A leads B).
         const PLACE: [i32; 4] = [0, 3, 1, 2];
         self.sample = match (PLACE[now as usize] - PLACE[was as usize]).rem_euclid(4) {
             0 => 0,

@@ -28,7 +28,7 @@ impl Rng {
         Self { block: Block::default(), state: seed, value: 0, corrected: false, next: None }
     }
 
-    /// Continues the sequence of before a reset.
+    /// Continues the random sequence that was under way before a reset.
     pub(crate) fn keep(&mut self, before: &Self) {
         self.state = before.state;
     }

@@ -7,7 +7,7 @@
 //! | a compare register written with the present count or the next one matches only after a wrap | 6.22 |
 //!
 //! A task takes effect at the present LFCLK tick. The part takes one to two ticks more, so that CC = COUNTER + 1
-//! sometimes matches there. Here it never matches and is a finding, since firmware must not rely on it.
+//! sometimes matches there. Here CC = COUNTER + 1 never matches and is a finding, since firmware must not rely on it.
 //!
 //! Left out: the jitter of the CPU's tasks against LFCLK (PS 6.22).
 use crate::clocks::Clocks;
@@ -37,7 +37,6 @@ pub(crate) struct Rtc {
 }
 
 impl Rtc {
-    /// Makes an RTC with `compares` compare registers: 3 or 4.
     pub(crate) fn new(compares: usize) -> Self {
         Self {
             block: Block::default(),
@@ -93,15 +92,14 @@ impl Rtc {
         });
     }
 
-    /// Carries out the events that are due now. A task or a write at the same instant would skip them, so this comes
-    /// first.
+    /// Carries out the events that are due now. A task or a write at the same instant comes later, because it would
+    /// skip these events.
     fn catch_up(&mut self, cx: &mut Cx<'_>) {
         if self.next.is_some_and(|at| at <= cx.now) {
             self.due(cx);
         }
     }
 
-    /// Sets the counter to `count` at the present tick.
     fn load(&mut self, count: u32, cx: &Cx<'_>) {
         self.held = count & MASK;
         self.late = 0;
@@ -174,7 +172,8 @@ impl Instance for Rtc {
 
     fn configured(&mut self, cx: &mut Cx<'_>) {
         if cx.clocks.lf.is_some() != self.clocked {
-            // LFCLK has stopped, or has started and counts its ticks from zero.
+            // LFCLK has stopped, or has started and counts its ticks from zero again. The counter goes on from its held
+            // value.
             self.load(self.held, cx);
         }
         self.arm(cx);

@@ -34,7 +34,6 @@ pub(crate) struct Timer {
 }
 
 impl Timer {
-    /// Makes a TIMER with `compares` compare registers: 4 or 6.
     pub(crate) fn new(compares: usize) -> Self {
         Self {
             block: Block::default(),
@@ -117,8 +116,8 @@ impl Timer {
         }
     }
 
-    /// Carries out the matches that are due now. A task or a write at the same instant would skip them, so this comes
-    /// first.
+    /// Carries out the matches that are due now. A task or a write at the same instant comes later, because it would
+    /// skip these matches.
     fn catch_up(&mut self, cx: &mut Cx<'_>) {
         while let Some((_, tick)) = self.next.filter(|(at, _)| *at <= cx.now) {
             let count = self.count(tick);

@@ -12,7 +12,7 @@ use anyhow::{Context, ensure};
 
 use crate::random::Random;
 
-/// The number of second halfwords for each first halfword.
+/// The number of second halfwords that are tried with each first halfword of a 32-bit encoding.
 pub const SECONDS: usize = 16;
 
 /// One encoding: first and second halfword. The second is 0 in a 16-bit encoding.

@@ -9,7 +9,6 @@ use crate::{
     thumb::{Code, branch_wide},
 };
 
-/// Appends an IT with one to four instructions.
 pub(crate) fn it_block(case: &mut Case, random: &mut Random) {
     let condition = random.below(14);
     let count = 1 + random.below(4);
@@ -35,7 +34,6 @@ fn filler(code: &mut Code, random: &mut Random) {
     }
 }
 
-/// Appends a branch of any form over some instructions, taken or not.
 pub(crate) fn branch(case: &mut Case, address: u32, random: &mut Random) {
     let mut code = Code::at(address);
     if random.once_in(2) {
@@ -157,13 +155,12 @@ pub(crate) fn branch(case: &mut Case, address: u32, random: &mut Random) {
     case.code.extend(code.halves);
 }
 
-/// Appends an instruction that faults, or SVC.
 pub(crate) fn fault(case: &mut Case, random: &mut Random) {
     let mut halves = Vec::new();
     instance(&random.pick(integer::IMMEDIATE), random, &DATA).append(&mut halves);
     let it = random.once_in(3);
     let kind = random.below(12);
-    // Some cases begin with CPSID i, after which faults and SVC escalate to HardFault.
+    // Some cases begin with CPSID i. After this instruction faults and SVC escalate to HardFault.
     if random.once_in(4) {
         halves.push(0xB672);
     }
@@ -248,7 +245,7 @@ pub(crate) fn interrupt(case: &mut Case, random: &mut Random) {
     code.store(9, 0, 0).store(1, 0, 0x300).store(2, 0, 0x304).store(3, 0, 0xC20).store(4, 0, 0xC0C);
     code.wide(0xF385_8811).store(6, 0, 0x100).store(7, 0, 0xC04); // MSR BASEPRI, r5; ISPR, ICSR
     code.wide(0xF3BF_8F4F).narrow(0xB662).wide(0xF3BF_8F6F); // DSB; CPSIE i; ISB
-    // The IT block has four instructions, of which the first may lower BASEPRI.
+    // The IT block has four instructions. The first of them may lower BASEPRI.
     let condition = random.below(14);
     code.narrow(0xBF00 | condition << 4 | random.below(8) << 1 | 1);
     code.wide(0xF38A_8811); // MSR BASEPRI, r10

@@ -80,7 +80,7 @@ pub fn build(cases: &[Case]) -> Vec<u8> {
     let epilogue = write_epilogue(&mut harness);
     let start = write_start(&mut harness, cases.len() as u32);
     let fault = write_fault_handler(&mut harness, epilogue);
-    // The epilogue's branch to the next case gets its target later, from `link`.
+    // A later call of `link` gives this branch of the epilogue its target, the next case.
     let prologue = write_prologue(&mut harness);
     let finish = write_finish(&mut harness);
     let interrupt = write_interrupt_handler(&mut harness);
@@ -217,7 +217,7 @@ fn write_interrupt_handler(code: &mut Code) -> u32 {
     handler
 }
 
-/// Writes code that mixes r0 with the last entry of the log, and appends the result. The log wraps around.
+/// Writes code that appends to the log a mix of r0 and the log's last entry. The log wraps around.
 fn write_log(code: &mut Code) {
     code.constant(1, VARIABLES).load(2, 1, LOG_POINTER).load(3, 2, 0);
     code.wide(0xEA80_10F3).store(0, 2, 0); // EOR r0, r0, r3, ROR #7

@@ -63,8 +63,8 @@ fn single(case: &mut Case, bit_band: bool, base: u32, registers: &mut Registers,
     let bytes = 1 << size;
     let address = if bit_band {
         let alias = 0x2200_0000 + (WINDOW - 0x2000_0000) * 32;
-        // The alias's address is aligned, so no access covers words of two bits: silicon would split it in two, and
-        // QEMU would make one access for each word.
+        // The address in the alias is aligned, so no access covers the alias words of two bits. Silicon would split
+        // such an access in two, and QEMU would make one access for each word.
         (alias + random.below(WINDOW_WORDS as u32 * 32) * 4 + random.below(4)) & !(bytes - 1)
     } else {
         target(4, bytes, random)
@@ -221,7 +221,7 @@ fn multiple(case: &mut Case, base: u32, registers: &Registers, random: &mut Rand
 }
 
 /// Appends a pair of exclusive accesses of the same size at the same address, or a store alone. Other combinations are
-/// not compared: the M4's monitor holds no address (TRM 5.8 / 3.8), QEMU's compares address and value.
+/// not compared: the M4's monitor holds no address (TRM 5.8 / 3.8), and QEMU's monitor compares address and value.
 fn exclusive(case: &mut Case, base: u32, registers: &Registers, random: &mut Random) {
     let size = random.below(3);
     let mut address = target(4, 1 << size, random) & !((1 << size) - 1);

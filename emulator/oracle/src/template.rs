@@ -12,7 +12,6 @@ pub(crate) struct Fields {
 }
 
 impl Fields {
-    /// Returns the value of a field, 0 if the pattern does not have the field.
     #[must_use]
     pub(crate) fn get(&self, name: char) -> u32 {
         self.value[name as usize]

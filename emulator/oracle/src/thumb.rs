@@ -1,6 +1,5 @@
 //! An assembler of the few Thumb encodings that the guest's own code needs (ARM ARM A7.7).
 
-/// Code under construction, at a known address.
 #[derive(Clone, Debug)]
 pub(crate) struct Code {
     pub(crate) base: u32,

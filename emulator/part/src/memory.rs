@@ -183,7 +183,8 @@ impl Ram {
         &mut self.bytes
     }
 
-    /// Returns `size` bytes from `offset` on for changes, as [`Ram::bytes_mut`] does; `None` past the end.
+    /// Returns `size` bytes from `offset` on, for the caller to change, as [`Ram::bytes_mut`] does; `None` past the
+    /// end.
     pub fn slice_mut(&mut self, offset: u32, size: usize) -> Option<&mut [u8]> {
         let at = offset as usize;
         self.rewrite(at, size);

@@ -244,12 +244,12 @@ pub trait Part: Clone + std::fmt::Debug + Send + 'static {
     /// The receiver reacts at its own sample instants.
     fn receive<O: Outside>(&mut self, begins: Cycle, pin: Pin, frame: UartFrame, outside: &mut O);
 
-    /// The `size` bytes of memory at `address` (flash, RAM, option bytes), as a debugger reads them; `None` if one is
-    /// not memory.
+    /// The `size` bytes of memory at `address` (flash, RAM, option bytes), as a debugger reads them; `None` if any of
+    /// these bytes is not memory.
     fn memory(&self, address: u32, size: usize) -> Option<&[u8]>;
 
-    /// The `size` bytes of memory at `address`, flash included, which a loader may change. The core then decodes its
-    /// instructions anew.
+    /// The `size` bytes of memory at `address`, flash included, for a loader that changes them. The core then decodes
+    /// its instructions anew.
     fn memory_mut(&mut self, address: u32, size: usize) -> Option<&mut [u8]>;
 
     /// Makes one bit of RAM stuck, and releases any bit that was stuck before. With `None` no bit is stuck. Returns

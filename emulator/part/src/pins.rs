@@ -2,7 +2,7 @@
 
 use crate::Pin;
 
-/// The pins of a part, called as its maker calls them: P0.13 on the nRF52840, PB7 on the STM32F429.
+/// The pins of a part, named as the part's maker names them: P0.13 on the nRF52840, PB7 on the STM32F429.
 ///
 /// ```
 /// use emulator_part::{Pin, Pins};

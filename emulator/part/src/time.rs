@@ -15,7 +15,6 @@ const FRACTION: u32 = 32;
 /// error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timebase {
-    /// The cycle at which the present rate began.
     cycle: Cycle,
     instant: u128,
     period: u64,

@@ -1,9 +1,9 @@
 //! The interface between the part and its peripherals.
 //!
-//! A peripheral instance is a [`Peripheral`]: plain data that the part calls with a [`Cx`], which has the time and the
-//! clocks and takes the instance's effects. Methods return the levels of interrupts and DMA requests, and the part asks
-//! for them after every other call. The outside answers at once (a serial frame's bits, a voltage) through [`Wires`].
-//! Only [`Peripheral::advance`] gets these, since such an answer never comes within a register access.
+//! A peripheral instance is a [`Peripheral`]: plain data that the part calls with a [`Cx`]. The [`Cx`] has the time and
+//! the clocks, and takes the instance's effects. Methods return the levels of interrupts and DMA requests, and the part
+//! asks for them after every other call. Through [`Wires`] the outside answers at once (a serial frame's bits, a
+//! voltage). Only [`Peripheral::advance`] gets the [`Wires`], since no register access needs such an answer.
 //!
 //! Instances are made with the manual's number, such as `Spi::new(n)` and `Usart::new(n)` (UARTs too), or without one,
 //! such as `Rtc::new()` and `Adc::new()` (all three with the common registers, offsets 0 to 0x3FF). A USART also has
@@ -29,7 +29,7 @@ impl Ratio {
             (a, b) = (b, a % b);
         }
         let (mut num, mut den) = (num / a.max(1), den / a.max(1));
-        // Real rates are whole hertz and parts per billion, for which this loop never runs.
+        // This loop never runs for real rates, which are whole hertz and parts per billion.
         while num > u128::from(u64::MAX) || den > u128::from(u64::MAX) {
             (num, den) = (num >> 1, den >> 1);
         }
@@ -62,7 +62,7 @@ pub(crate) struct Clocks {
     pub pclk1: u32,
     /// The core cycles of one PCLK2 cycle: 1, 2, 4, 8 or 16.
     pub pclk2: u32,
-    /// The core cycles of one tick of the timers on APB1, which are whole for every PPRE1 and TIMPRE.
+    /// The core cycles of one tick of the timers on APB1. Their number is whole for every PPRE1 and TIMPRE.
     pub tim1: u32,
     pub tim2: u32,
     pub lsi: Ratio,
@@ -187,7 +187,7 @@ pub(crate) enum Signal {
 pub(crate) const SIGNALS: usize = 212;
 
 impl Signal {
-    /// Returns the signal's number, below [`SIGNALS`], which no other signal has.
+    /// Returns the signal's number, below [`SIGNALS`]. No other signal has this number.
     #[inline(always)]
     pub(crate) const fn index(self) -> usize {
         match self {
@@ -254,7 +254,6 @@ impl Pads {
     }
 }
 
-/// A finding of an instance: static words, and an optional number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Note {
     pub(crate) kind: FindingKind,
@@ -353,16 +352,15 @@ pub(crate) trait Peripheral: Clone {
     /// lanes (RM0090 2.1.6).
     fn write(&mut self, offset: u32, width: Width, value: u32, cx: &mut Cx);
 
-    /// Reads as a debugger does, without any change.
     fn peek(&self, offset: u32, cx: &mut Cx) -> u32 {
         let _ = (offset, cx);
         0
     }
 
-    /// The cycle at which the instance next acts by itself, or [`NEVER`]. It must be fast.
+    /// The cycle at which the instance next acts by itself, or [`NEVER`]. This function is called often, so it must be
+    /// fast.
     fn due(&self) -> Cycle;
 
-    /// Carries out everything that is due at or before `cx.now`, in order.
     fn advance<W: Wires>(&mut self, cx: &mut Cx, wires: &mut W);
 
     /// The levels of the instance's interrupt outputs. USART, SPI, RNG, ADC, TIM2 to TIM7: bit 0. I2C: bit 0 event, bit

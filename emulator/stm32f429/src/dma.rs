@@ -50,7 +50,6 @@ pub(crate) enum Direction {
     MemoryToMemory,
 }
 
-/// A DMA request: the number of the instance, and the mask of its request outputs.
 type Source = (u8, u8);
 
 const fn no() -> Source {
@@ -118,7 +117,7 @@ pub(crate) struct Stream {
     m1ar: u32,
     fcr: u32,
     pub(crate) flags: u8,
-    /// The number of items of a whole transfer, which reloads NDTR in circular mode.
+    /// The number of items of a whole transfer. In circular mode NDTR is reloaded with this number.
     total: u32,
     pub(crate) left: u32,
     pub(crate) peripheral: u32,
@@ -240,8 +239,8 @@ impl Stream {
         self.par
     }
 
-    /// Whether the stream is on and moves single bytes between memory and one register without its FIFO. `to_memory` is
-    /// the direction to look for.
+    /// Whether the stream is on and moves single bytes between memory and one register, in the direction that
+    /// `to_memory` gives, without its FIFO.
     pub(crate) fn moves_bytes(&self, to_memory: bool) -> bool {
         let direction = if to_memory { Direction::FromPeripheral } else { Direction::ToPeripheral };
         self.is_on()
@@ -251,8 +250,8 @@ impl Stream {
             && self.cr & PINC == 0
     }
 
-    /// Whether the next item is neither the last of the present transfer nor the one at its half. In this state a
-    /// stream of [`Stream::moves_bytes`] holds no data if it receives, and one byte if it sends.
+    /// Whether the next item completes neither the transfer nor the first half of it. A stream of
+    /// [`Stream::moves_bytes`] then holds no data if it receives, and one byte if it sends.
     #[inline]
     pub(crate) fn is_amid(&self) -> bool {
         self.left > 1

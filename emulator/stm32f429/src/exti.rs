@@ -28,9 +28,9 @@ pub(crate) struct Exti {
     swier: u32,
     pr: u32,
     levels: u32,
-    /// The lines that have had an event for WFE and that the part has yet to take.
+    /// The lines that have had an event for WFE. The part has yet to take these events.
     pub(crate) events: u32,
-    /// The lines that have had a selected edge and that the part has yet to take, for the ADC's triggers.
+    /// The lines that have had a selected edge, for the ADC's triggers. The part has yet to take these edges.
     pub(crate) edges: u32,
 }
 

@@ -62,7 +62,6 @@ enum Key {
     Failed,
 }
 
-/// The outcome of a register access or of a store into flash.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Outcome {
     Done,
@@ -88,7 +87,7 @@ pub(crate) struct FlashControl {
     noise: u64,
     reads: u64,
     programmed: bool,
-    /// The 128-bit line of the last instruction fetch, from which wait states are counted.
+    /// The 128-bit line of the last instruction fetch. Wait states are counted from this line.
     line: u32,
 }
 
@@ -182,7 +181,6 @@ impl FlashControl {
         self.readable && self.missing == 0 && self.sr & BSY == 0
     }
 
-    /// The value of every word of unreadable flash.
     pub(crate) const GARBAGE: u32 = 0xDEFF_DEFF;
 
     /// Checks the wait states after a change of HCLK, of the latency or of the supply. Returns whether the code as the
@@ -269,7 +267,6 @@ impl FlashControl {
         lane(register, offset, width)
     }
 
-    /// Writes a register of the interface. `hz` is HCLK.
     #[expect(clippy::too_many_arguments, reason = "one access with everything it depends on")]
     pub(crate) fn write_register(
         &mut self,
@@ -503,7 +500,6 @@ fn sector_range(bank: u32, sector: u32) -> (u32, u32) {
     (bank * BANK + offset, size)
 }
 
-/// The bank and its sector that have `offset`.
 fn sector_of(offset: u32) -> (u32, u32) {
     let (bank, within) = ((offset / BANK) & 1, (offset % BANK) >> 10);
     let sector = match within {

@@ -1,7 +1,7 @@
 //! Exchanges SPI frames with memory by two DMA streams, byte by byte. This is the most frequent event of a part that
 //! talks to its chips. The effects of such a byte are known beforehand, so they are carried out at once.
-//! [`Stm32f429::settle`] would have the same result in several rounds. It handles what this module leaves out: every
-//! other width and mode, and the items at which a stream reports something or ends.
+//! [`Stm32f429::settle`] would have the same result in several rounds. That function handles what this module leaves
+//! out: every other width and mode, and the items at which a stream reports something or ends.
 
 use super::*;
 
@@ -24,7 +24,8 @@ impl Stm32f429 {
                 if mask != 0 && instance < id::USART {
                     let simple = stream.moves_bytes(mask == 1) && id::at(stream.register()) == (instance, spi::DATA);
                     let found = &mut found[usize::from(instance)][usize::from(mask - 1)];
-                    // An SPI has no pair if a second stream serves the same request, or if a stream is not simple.
+                    // An SPI has no pair if a second stream serves the same request, or if the stream does not move
+                    // single bytes to or from the SPI's data register.
                     *found |= if *found == 0 && simple { 1 << nth } else { 0xFF };
                 }
             }
@@ -59,7 +60,7 @@ impl Stm32f429 {
         let streams = &mut self.dma[nth].streams;
         let (first, second) = (streams[receives].priority(), streams[sends].priority());
         let receives_first = first > second || first == second && receives < sends;
-        // If both streams use the same buffer, their order matters.
+        // The order of the streams matters if both use the same buffer.
         for receive in [receives_first, !receives_first] {
             if receive {
                 let value = self.spi[usize::from(number)].take_byte();

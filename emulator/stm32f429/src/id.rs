@@ -12,7 +12,7 @@ pub(crate) const RNG: u8 = 32;
 pub(crate) const ADC: u8 = 33;
 pub(crate) const CRC: u8 = 34;
 pub(crate) const CAN1: u8 = 35;
-/// The number of [`crate::cx::Peripheral`]s, which have the numbers below it.
+/// The number of [`crate::cx::Peripheral`]s. They have the numbers below this one.
 pub(crate) const INSTANCES: u8 = 36;
 pub(crate) const IWDG: u8 = 36;
 pub(crate) const WWDG: u8 = 37;
@@ -20,7 +20,7 @@ pub(crate) const RCC: u8 = 38;
 pub(crate) const FLASH: u8 = 39;
 pub(crate) const DMA1: u8 = 40;
 pub(crate) const DMA2: u8 = 41;
-/// The number of entries in the event queue, which have the numbers below it.
+/// The number of entries in the event queue. They have the numbers below this one.
 pub(crate) const SCHEDULED: usize = 42;
 pub(crate) const PWR: u8 = 42;
 pub(crate) const SYSCFG: u8 = 43;
@@ -72,7 +72,7 @@ pub(crate) static GATES: [Gate; COUNT] = {
 pub(crate) const fn spi(n: u8) -> u8 {
     SPI + n - 1
 }
-/// The index of USART1 to 3, UART4 and 5, USART6, UART7 or 8 by its number.
+/// Returns the index of the serial port with this number in the name, 1 to 8: USART1 to UART8.
 pub(crate) const fn usart(n: u8) -> u8 {
     USART + n - 1
 }

@@ -202,7 +202,6 @@ pub struct Stm32f429 {
     can: Can,
     dac: Dac,
 
-    /// The cycle of the next event of each instance.
     due: [Cycle; GROUPS * 8],
     group_due: [Cycle; GROUPS],
     next: Cycle,
@@ -216,8 +215,7 @@ pub struct Stm32f429 {
     listening: [u8; 2],
     /// For each SPI, the two streams that exchange its bytes, if there are such streams.
     pairs: [Option<frames::Pair>; 6],
-    /// The interrupt lines of TIM9 to TIM14, which share lines with TIM1 and TIM8. All other lines are in the next
-    /// field.
+    /// The interrupt lines of TIM9 to TIM14, which share lines with TIM1 and TIM8. `own` has all other lines.
     shared: [u64; 4],
     own: [u64; 4],
     out: Effects,
@@ -230,8 +228,9 @@ const GROUPS: usize = id::SCHEDULED.div_ceil(8);
 
 const MOST_FINDINGS: usize = 200;
 
-/// The maximum number of DMA transfers at one cycle. A request may never end, such as a circular stream to a register
-/// that does not clear it. Its controller then pauses for [`TRANSFER_CYCLES`] per transfer.
+/// The maximum number of DMA transfers at one cycle. A request may never end, for example that of a circular stream to
+/// a register whose access does not clear the request. After this number of transfers the stream's controller pauses
+/// for [`TRANSFER_CYCLES`] per transfer.
 const MOST_TRANSFERS: u32 = 64;
 
 /// The cycles of one DMA transfer if a request never ends. AN4031 ("DMA latency") counts a few cycles for arbitration

@@ -19,7 +19,8 @@ impl Part for Stm32f429 {
             // PM0214 4.3 states four priority bits.
             priority_bits: 4,
             vector_table: 0,
-            // The calibration value 18750 is 1 ms at HCLK/8 of 150 MHz (RM0090 12.1.2). SKEW says that it is not exact.
+            // The calibration value 18750 is 1 ms at HCLK/8 of 150 MHz (RM0090 12.1.2). SKEW says that this value is
+            // not exact.
             systick_calibration: 0x4000_0000 | 18_750,
             systick_reference: 8,
             mpu_regions: 8,
@@ -180,8 +181,8 @@ impl Part for Stm32f429 {
         true
     }
 
-    /// HCLK. If its source has failed without the clock security system, the rate is 0 and the core stands still.
-    /// Cycles then count on at the last rate, for the independent watchdog.
+    /// The core's clock is HCLK. If HCLK's source has failed without the clock security system, the rate is 0 and the
+    /// core stands still. Cycles then count on at the last rate, for the independent watchdog.
     fn clock(&self) -> Clock {
         Clock { hz: if self.rcc.stopped { 0 } else { self.clocks.hclk_hz }, ppb: self.clocks.ppb }
     }

@@ -59,7 +59,6 @@ impl Pwr {
         lane(register, offset, width)
     }
 
-    /// Writes a register. `pll` is the bit PLLON.
     pub(crate) fn write(&mut self, offset: u32, width: Width, value: u32, pll: bool) {
         match offset >> 2 {
             0 => {

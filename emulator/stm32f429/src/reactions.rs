@@ -136,7 +136,7 @@ impl Stm32f429 {
         }
     }
 
-    /// Determines for each instance which of its requests streams serve.
+    /// Determines, for each instance, which of its requests are served by streams.
     pub(crate) fn listen(&mut self) {
         self.listened = [0; id::SCHEDULED];
         for (dma, listening) in self.dma.iter().zip(&mut self.listening) {
@@ -198,7 +198,6 @@ impl Stm32f429 {
         self.after_exti();
     }
 
-    /// Resets the peripherals whose reset bits in RCC rose.
     pub(crate) fn reset_peripherals(&mut self, now: Cycle) {
         let bits = std::mem::take(&mut self.rcc.reset_bits);
         for number in 0..id::COUNT as u8 {

@@ -119,8 +119,8 @@ impl Iwdg {
             // The start of the count moves with the clock, so that the fraction of a tick is kept.
             let gone = u128::from(now.saturating_sub(self.since)) * u128::from(new.hclk_hz);
             let gone = (gone / u128::from(old.hclk_hz.max(1))) as u64;
-            // If the count would begin before cycle 0, it begins at cycle 0, less the ticks that would have come
-            // before.
+            // The count cannot begin before cycle 0. If it would, it begins at cycle 0 and is reduced by the ticks
+            // before that cycle.
             if gone <= now {
                 self.since = now - gone;
             } else {

@@ -71,7 +71,7 @@ fn run(seed: u64, accesses: u32) {
                 rig.part.receive(rig.now, pin, frame, &mut rig.bench);
             }
             14 => {
-                // The clock tree gets only settings with which the test does not become slow.
+                // With some settings of the clock tree the test would be slow, so it writes only these.
                 let value = [2, 5 << 10 | 4 << 13 | 2, 7 << 10 | 2, 0x80 | 2, 0][random.below(5) as usize];
                 rig.write(RCC + 8, value);
             }

@@ -1,4 +1,4 @@
-//! Tests that wrong settings do not work and are reported, which the real part would not do.
+//! Tests that wrong settings do not work and are reported. The real part would not report them.
 
 use crate::rig;
 

@@ -24,7 +24,6 @@ impl TraceFile {
         }
     }
 
-    /// Writes the values of all signals at 0 ns, before any change.
     pub(super) fn start(&mut self, signals: &[Signal], values: &[Value]) -> io::Result<()> {
         if let Self::Vcd(file) = self {
             file.start()?;
@@ -38,7 +37,7 @@ impl TraceFile {
         Ok(())
     }
 
-    /// Begins the changes at the instant `at` (ns), which must be later than all earlier ones.
+    /// Begins the changes at the instant `at` (ns). This instant must be later than those of all earlier changes.
     pub(super) fn time(&mut self, at: u64) -> io::Result<()> {
         match self {
             Self::Vcd(file) => file.time(at),

@@ -53,7 +53,7 @@ impl FstFile {
     }
 
     pub(super) fn time(&mut self, at: u64) -> io::Result<()> {
-        // A block of the file may end only between two instants, which is here.
+        // A block of the file may end only between two instants, as at this point.
         if self.writer.size() > BLOCK {
             self.writer.flush().map_err(failed)?;
         }

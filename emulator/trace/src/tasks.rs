@@ -80,7 +80,7 @@ const SYSTEM: [(u16, &str); 9] = [
     (15, "SysTick"),
 ];
 
-/// A watch on the tasks of a board, which can be cloned with the board.
+/// A watch on the tasks of a board. It can be cloned with the board.
 #[derive(Clone, Debug)]
 pub struct TaskWatch {
     tasks: Vec<Task>,
@@ -90,7 +90,8 @@ pub struct TaskWatch {
 }
 
 impl TaskWatch {
-    /// Watches the tasks in `table` (name, vector) whose vector leads to the program's function of that name.
+    /// Watches each task in `table` (name, vector) for which the program has a function with the vector's name, if the
+    /// vector leads to that function.
     #[must_use]
     pub fn new(node: &mut dyn AnyNode, table: &[(&'static str, &'static str)]) -> Self {
         node.watch_tasks(true);
@@ -159,7 +160,6 @@ impl TaskWatch {
         self.idle(at, marks);
     }
 
-    /// Records that all active exceptions after the first `stay` have ended.
     fn leave(&mut self, at: u64, stay: usize, marks: &mut Vec<TaskChange>) {
         for (ended, _) in self.entered.split_off(stay) {
             let signal = self.signal(ended);

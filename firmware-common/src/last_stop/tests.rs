@@ -50,7 +50,7 @@ fn memory_without_a_stop_is_no_record_whether_zero_or_ones() {
     for word in [0, u32::MAX] {
         assert_eq!(Stop::from_words(&[word; WORDS]), None);
     }
-    // The words have a right CRC, but their cause is none that exists.
+    // A record with a right CRC and an unknown cause is no stop.
     let mut words = [0; WORDS];
     words[WORDS - 1] = check_word(&words);
     assert_eq!(Stop::from_words(&words), None);
@@ -78,7 +78,7 @@ fn a_fault_with_several_causes_is_reported_as_memory_protection_first() {
     assert_eq!(of(PRECISERR | UNDEFINSTR).cause, Cause::BusFault);
     assert_eq!(of(UNDEFINSTR).cause, Cause::UsageFault);
     assert_eq!(of(0).cause, Cause::HardFault);
-    // The bits that say that an address is valid do not give a cause by themselves.
+    // The CFSR's bits that mark an address as valid are no cause by themselves.
     assert_eq!(of(1 << 7 | 1 << 15).cause, Cause::HardFault);
     assert_eq!((of(0).lr, of(0).pc), (1, 2));
 }

@@ -15,8 +15,8 @@
 //! Without the write of APPROTECT.DISABLE no debugger could connect after the next power-on.
 //!
 //! [`open`] does the same as Nordic's own start-up code (NordicSemiconductor/nrfx, `system_nrf52_approtect.h`,
-//! `nrf52_handle_approtect`): on a part of revision 3, UICR.APPROTECT decides. A board that another value in that
-//! register locks on purpose stays locked. The firmware never writes UICR, which is non-volatile memory.
+//! `nrf52_handle_approtect`): on a part of revision 3, UICR.APPROTECT decides. If another value in that register locks
+//! a board on purpose, the board stays locked. The firmware never writes UICR, which is non-volatile memory.
 //!
 //! # How a part is recognised
 //!

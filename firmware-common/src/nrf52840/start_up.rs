@@ -2,7 +2,7 @@
 //!
 //! RESETREAS collects reasons until each is cleared by writing a one (PS v1.7, 5.3.7.8). All are cleared before the
 //! watchdog starts, so after a watchdog reset only the watchdog's bit is set, even if the firmware had not reached
-//! `hw::init`. A bit of the reset pin that was left would hide that of the watchdog (anomaly 136).
+//! `hw::init`. Otherwise an earlier bit of the reset pin would hide that of the watchdog (anomaly 136).
 //!
 //! After a soft reset or a lockup the watchdog still runs with its registers locked, so it is left as it is. Otherwise
 //! it is started in assembler, because the HAL's code cannot run before statics are set up. The HAL's handle is

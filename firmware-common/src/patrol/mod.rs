@@ -93,8 +93,8 @@ pub struct Rate {
 }
 
 impl Rate {
-    /// Returns the longest time, µs, until a changed bit in flash is found, for a program of `bytes`. That takes two
-    /// passes, and a slice more for each, since a pass begins in the middle of a slice.
+    /// Returns the longest time, µs, until a changed bit in flash is found, for a program of `bytes`. It is the time of
+    /// two passes and of one more slice for each pass, since a pass begins in the middle of a slice.
     #[must_use]
     pub const fn flash_detect_us(&self, bytes: u32) -> u32 {
         2 * (bytes.div_ceil(4).div_ceil(self.flash_words) + 1) * SLICE_US
@@ -121,7 +121,7 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// Returns a count without due slices. In both methods `now_us` is the value of a µs counter that may wrap.
+    /// Returns a count without due slices at `now_us`, the value of a µs counter that may wrap.
     #[must_use]
     pub const fn new(now_us: u32) -> Self {
         Self { last_us: now_us }
@@ -182,7 +182,7 @@ impl Patrol {
         self.ram.restart();
     }
 
-    /// Does one slice of the patrol. Its work is the same as long as memory holds what it should hold.
+    /// Does one slice of the patrol. Every slice does the same work, unless memory differs from what it should hold.
     pub fn slice(&mut self, memory: &mut impl Memory) -> Slice {
         let guard = self.guards.changed(memory);
         let flash = self.flash(memory);

@@ -10,8 +10,8 @@ use crate::memory::{self, address};
 pub struct PartMemory(());
 
 impl PartMemory {
-    /// Returns the access to memory. To be called once, in thread mode with no interrupt masked, as every slice of the
-    /// patrol is.
+    /// Returns the access to memory. To be called once. This call and every slice of the patrol must be in thread mode
+    /// with no interrupt masked.
     #[must_use]
     pub fn take() -> Self {
         Self(())
@@ -38,8 +38,8 @@ impl Memory for PartMemory {
 
 /// Returns the log's control block and buffer, which a debug probe accesses. `defmt-rtt` has one channel.
 fn log() -> [Range<u32>; 2] {
-    /// The length of SEGGER's control block, bytes: 16 of name, two counts, and a channel of six words, of which the
-    /// second is the buffer's address and the third its size.
+    /// The length of SEGGER's control block, bytes: 16 of name, two counts, and a channel of six words. The channel's
+    /// second word is the buffer's address, and its third word is the buffer's size.
     const BLOCK: u32 = 48;
     const BUFFER: u32 = 28;
     let block = address!(_SEGGER_RTT);

@@ -81,8 +81,8 @@ impl Walk {
         }
     }
 
-    /// Makes the next `steps` steps of the test in `used`. The ranges `apart`, in any order, are left out. To skip one
-    /// of them takes one step.
+    /// Makes the next `steps` steps of the test in `used`. The ranges `apart`, in any order, are left out. Skipping one
+    /// of these ranges takes one step.
     pub fn run(&mut self, steps: u32, used: &Range<u32>, apart: &[Range<u32>], memory: &mut impl Memory) -> Found {
         let mut found = Found::default();
         for _ in 0..steps {

@@ -127,7 +127,6 @@ fn layout() -> Layout {
     }
 }
 
-/// Returns a sealed program with the code's load image in it, the code in RAM, and noise in the other memory.
 fn board() -> (Patrol, Ram) {
     let mut ram = Ram::default();
     let program: Vec<u32> = (0..PROGRAM_WORDS).map(|word| word.wrapping_mul(0x0123_4567) ^ 0xDEAD_BEEF).collect();
@@ -194,7 +193,6 @@ proptest! {
         ram.flip(PROGRAM + 4 * word, bit);
         let most = slices(RATE.flash_detect_us(4 * PROGRAM_WORDS));
         slices_until(&mut patrol, &mut ram, most, |slice| slice.flash.is_some_and(|found| !found.is_intact()));
-        // Once the flipped bit is restored, the next whole pass finds flash intact.
         ram.flip(PROGRAM + 4 * word, bit);
         slices_until(&mut patrol, &mut ram, most, |slice| slice.flash.is_some_and(Comparison::is_intact));
     }
@@ -240,7 +238,6 @@ proptest! {
         slices_until(&mut patrol, &mut ram, most, |slice| { found = found.or(slice.ram); slice.ram.is_some() });
         prop_assert!((address - 4..=address).contains(&found.unwrap()));
         slices_until(&mut patrol, &mut ram, most, |slice| slice.ram_pass == Some(false));
-        // A pass that begins after the fault has gone reports no fault.
         ram.faults.clear();
         slices_until(&mut patrol, &mut ram, 2 * most, |slice| slice.ram_pass == Some(true));
     }

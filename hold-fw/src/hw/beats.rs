@@ -59,8 +59,8 @@ impl Beats {
         self.0.tasks_start.write(|w| unsafe { w.bits(1) });
     }
 
-    /// Handles the interrupt of TIMER1. In the slot it sends the loaded frame; the compare value of the slot also
-    /// matches in the beats that are no tick, in which no frame is due.
+    /// Handles the interrupt of TIMER1. In the slot it sends the loaded frame. The compare value of the slot also
+    /// matches in the beats that are no tick. No frame is due in these beats.
     #[inline(always)]
     pub(crate) fn interrupt(&mut self) -> Beat {
         let is_slot = take_event!(self.0.events_compare[SLOT_COMPARE]);

@@ -144,8 +144,8 @@ impl Bus {
             return Err(Error::Stuck);
         }
         compiler_fence(Ordering::SeqCst);
-        // If a transfer skips a direction that has no bytes, AMOUNT of that direction keeps an earlier count, so it is
-        // not compared.
+        // If a transfer skips a direction that has no bytes, AMOUNT of that direction keeps an earlier count. So AMOUNT
+        // is not compared then.
         let sent = send.is_empty() || self.twim.txd.amount.read().bits() as usize == send.len();
         let received = receive.is_empty() || self.twim.rxd.amount.read().bits() as usize == receive.len();
         if self.twim.errorsrc.read().bits() != 0 || !sent || !received {

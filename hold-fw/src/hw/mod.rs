@@ -11,14 +11,14 @@
 //!
 //! # Design
 //!
-//! Each peripheral is a type that owns the memory that its DMA accesses. A compiler fence before each start and after
-//! each end of a transfer keeps the compiler from moving an access to a buffer across. The Cortex-M4 itself has no data
-//! cache and completes its stores in order.
+//! Each peripheral is a type that owns the memory that its DMA accesses. The compiler must not move an access to a
+//! buffer before or after a transfer. A compiler fence before each start and after each end of a transfer prevents
+//! that. The Cortex-M4 itself has no data cache and completes its stores in order.
 //!
 //! # Anomalies
 //!
-//! The table lists errata of the nRF52840 by Nordic's numbers. `dpr-fw/src/hw/mod.rs` lists those of the peripherals
-//! that both firmwares use.
+//! The table lists errata of the nRF52840 by Nordic's numbers. `dpr-fw/src/hw/mod.rs` lists the errata of the
+//! peripherals that both firmwares use.
 //!
 //! | no. | what is wrong | consequence or measure |
 //! |---|---|---|

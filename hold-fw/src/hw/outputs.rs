@@ -71,7 +71,7 @@ impl Outputs {
     }
 }
 
-/// Switches heater and cooler off; also valid before they are set up. All interrupts must be masked for good.
+/// Switches heater and cooler off. This may be called before they are set up. All interrupts must be masked for good.
 pub(super) fn off() {
     // SAFETY: a register block is always there, and no task runs any more.
     let pwm = unsafe { &*pac::PWM0::ptr() };

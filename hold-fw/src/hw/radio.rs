@@ -25,9 +25,9 @@ use crate::board::{call, RfPins, WAIT_COMPARE};
 
 /// The most polls until SPIM0 has stopped. SPIM0 stops at the end of the present byte, so within 1 µs.
 const STOP_POLLS: u32 = 1_000;
-/// The shortest delay, µs. The counter could pass a nearer compare value before it is set.
+/// The shortest delay, µs. With a shorter one, the counter could pass the compare value before that value is set.
 const SHORTEST_US: u32 = 2;
-/// The number of bytes that the chip returns during a command, which come before the data.
+/// The number of bytes that the chip returns during a command. They come before the data.
 const LEAD: usize = 1;
 
 /// The ticket for the next slot, as a word; 0 if there is none.
@@ -40,7 +40,7 @@ const BYTE_POLLS: u32 = 50;
 
 /// Sends the transmit command for the frame of beat `beat`, if its [`Ticket`] is armed. [`FrontEndPort::arm`] has set
 /// the transfer up. The chip executes a command when chip select rises, so this function waits for the end of the
-/// transfer. The end event stays set, and then calls the task `rf_spi`.
+/// transfer. The event of that end stays set, and so calls the task `rf_spi` afterwards.
 #[inline(always)]
 pub(super) fn fire(beat: u32) {
     if !Ticket::is_due(ARMED.load(Ordering::Acquire), beat) {
@@ -202,7 +202,7 @@ impl Port for RfPort {
     }
 
     fn start_read(&mut self, offset: usize, len: usize) -> bool {
-        // The exchange only ever reads a whole answer at once.
+        // The state machine reads each answer in one piece, from offset 0.
         // Not covered: a read of a part, as said above.
         if offset != 0 || len > BUFFER {
             return false;

@@ -1,5 +1,5 @@
 //! Measures the supply: the SAADC converts VDD, which is one of its inputs, once in each cycle, and no task waits for
-//! it. [`hold_fw::supply`] has what the counts mean.
+//! it. [`hold_fw::supply`] explains what the counts mean.
 
 use core::{
     mem,

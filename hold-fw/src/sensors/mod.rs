@@ -27,9 +27,9 @@
 //!
 //! # Faults
 //!
-//! A sensor is faulty after a failed transfer, a wrong CRC or an impossible value, until it works again; the hold tries
-//! that once a second. The last temperature stays valid for [`CLIMATE_VALID_BEATS`], so that one damaged transfer does
-//! not switch the control off. The vibration is unknown until there are samples of a full second again.
+//! A sensor is faulty after a failed transfer, a wrong CRC or an impossible value, until it works again. Once a second
+//! the hold tries whether it does. The last temperature stays valid for [`CLIMATE_VALID_BEATS`], so that one damaged
+//! transfer does not switch the control off. The vibration is unknown until there are samples of a full second again.
 
 pub mod bus;
 pub mod vibration;

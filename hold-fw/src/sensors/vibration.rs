@@ -58,8 +58,8 @@ impl Vibration {
 
     /// Adds the samples of one reading and removes those of the reading a second ago.
     pub fn take(&mut self, samples: &[Sample]) {
-        // The mean comes from the samples of the second before these, so a shock does not move the mean from which it
-        // is measured.
+        // The mean is that of the samples of the second before the new ones. So a shock does not move the mean from
+        // which it is measured.
         if let Some(total) = self.total() {
             let count = total.samples as f32;
             let mean = total.sum.map(|sum| sum as f32 / count);

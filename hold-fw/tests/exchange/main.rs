@@ -23,13 +23,13 @@ fn status(tick: u32) -> HoldStatus {
     HoldStatus::seal(Writer::<ActiveLoad>::claim(), &HoldValues::absent(timestamp(tick)))
 }
 
-/// Returns the cycle of a sent frame. Panics if the frame is incomplete, of another cycle, or not sent in the slot.
+/// Returns the tick of a sent frame. Panics if the frame is incomplete, has another tick's timestamp, or was not sent
+/// in the slot.
 fn check(frame: &SentFrame, config: &Config) -> u32 {
     let tick = (frame.started_ns / PERIOD_NS) as u32;
     let object = HoldStatus::verify(&frame.bytes[1..65]).expect("an intact object");
     assert_eq!(object.timestamp(), timestamp(tick));
     let after_tick = frame.started_ns % PERIOD_NS;
-    // The transmit command is one byte on the SPI, 1 µs.
     assert_eq!(after_tick, u64::from(SLOT_US) * 1_000 + 1_000 + config.transmit_latency_ns, "in cycle {tick}");
     assert!(frame.whole);
     tick
@@ -134,6 +134,18 @@ fn a_chip_that_loses_its_supply_is_brought_up_again() {
     assert!(sent.len() > 8, "{sent:?}");
     assert!(telemetry.rf_recoveries.get() == 1 && telemetry.rf_faults.get() > 1);
     assert!(world.link.take_fault().is_some() && world.link.take_fault().is_none());
+}
+
+#[test]
+fn a_frame_offered_shortly_before_a_bring_up_ends_is_sent() {
+    for early_ns in (4_500_000..4_900_000).step_by(10_000) {
+        let (telemetry, config) = (Telemetry::new(), Config::default());
+        let mut world = World::new(&telemetry, config.clone(), AnswerFaults::default());
+        world.run(3, status);
+        world.restart_at = 5 * PERIOD_NS - early_ns;
+        let sent = ticks(&world.run(3, status), &config);
+        assert_eq!((sent, telemetry.frames_skipped.get()), (vec![4, 5, 6], 0), "{early_ns} ns before the tick");
+    }
 }
 
 #[test]

@@ -45,7 +45,8 @@ pub(crate) struct Side {
     payload: Vec<u8>,
     /// The length byte and the payload of the frame that was read last.
     received: Vec<u8>,
-    /// How many transfers are still carried out before one that never ends. `hangs` says whether that one has begun.
+    /// How many transfers are still carried out before a transfer that never ends. `hangs` says whether that endless
+    /// transfer has begun.
     pub(crate) hang_in: Option<u32>,
     hangs: bool,
     pub(crate) aborted: u32,
@@ -174,7 +175,6 @@ impl FrontEndPort for Side {
     }
 }
 
-/// The hold's link, the listener, the air between them, and the ticks and slots.
 pub(crate) struct World<'a> {
     pub(crate) link: Link<'a, Side>,
     listener: Executor<Answerer, Side>,
@@ -193,6 +193,9 @@ pub(crate) struct World<'a> {
     pub(crate) heard: Vec<HoldStatus>,
     pub(crate) answers: Vec<Answer>,
     pub(crate) late_ns: u64,
+    telemetry: &'a Telemetry,
+    /// The time at which the link is replaced by one that brings up a chip without a history.
+    pub(crate) restart_at: u64,
 }
 
 impl<'a> World<'a> {
@@ -218,6 +221,8 @@ impl<'a> World<'a> {
             heard: vec![],
             answers: vec![],
             late_ns: 50_000,
+            telemetry,
+            restart_at: u64::MAX,
         }
     }
 
@@ -233,10 +238,16 @@ impl<'a> World<'a> {
             let tick_at = (u64::from(self.tick) + 1) * PERIOD_NS;
             let chips = self.link.port().next_event().min(self.listener.port().next_event());
             let air = self.air.next_event().unwrap_or(u64::MAX).min(self.path.next_event().unwrap_or(u64::MAX));
-            let own = tick_at.min(self.slot_at).min(self.offer_at).min(self.fire_at);
+            let own = tick_at.min(self.slot_at).min(self.offer_at).min(self.fire_at).min(self.restart_at);
             let at = chips.min(air).min(own).max(self.now);
             self.now = at;
             let polls = (self.link.port().advance(at), self.listener.port().advance(at));
+            if at == self.restart_at {
+                self.restart_at = u64::MAX;
+                let mut side = Side::new(Config { transmit_scatter_ns: 0, ..Config::default() });
+                side.advance(at);
+                self.link = Link::start(self.telemetry, side);
+            }
             if at == tick_at {
                 if self.tick == last {
                     break;

@@ -39,7 +39,6 @@ struct Rig {
 }
 
 impl Rig {
-    /// Returns a model of a receiver that was read until it was empty.
     fn new() -> Self {
         let mut rig = Self::with_backlog();
         rig.cycle(None);
@@ -491,7 +490,7 @@ proptest! {
             // The longest cycle sends a message and drives 23 levels of a recovery.
             prop_assert!(rig.cycle(Some((at, fault))) <= MESSAGE + 24 + 4);
         }
-        // After two reads in a row that leave no byte in the receiver, bytes are no longer dropped as old. So all later
+        // After two reads in a row that leave no byte in the receiver, its bytes no longer count as old. So all later
         // bytes arrive.
         rig.cycle(None);
         rig.cycle(None);

@@ -7,14 +7,14 @@
 //!
 //! **Clock security system.** From the moment at which HSE is ready, hardware compares it with HSI. When HSE fails, the
 //! hardware switches HSE and the PLL off, lets the processor run on HSI's 16 MHz, and raises the non-maskable interrupt
-//! (RM0090 "Reset and clock control", clock security system). With the clock nine times too slow neither the cycle nor
-//! the baud rates hold, so the board enters the safe state: field off, then reset by the watchdog, which has its own
-//! oscillator (LSI). At the next start HORUS runs on HSI, with all dividers as they should be.
+//! (RM0090 "Reset and clock control", clock security system). The clock is then nine times too slow, so neither the
+//! cycle nor the baud rates hold. Therefore the board enters the safe state: field off, then reset by the watchdog,
+//! which has its own oscillator (LSI). At the next start HORUS runs on HSI, with all dividers as they should be.
 //!
 //! # Errata (ES0206 rev 24) of the peripherals used here
 //!
-//! - ES0206 2.2.7: a peripheral does not answer for some cycles after its clock is enabled. Measure: the HAL's `enable`
-//!   waits for the write (DSB) before it returns.
+//! - ES0206 2.2.7: a peripheral does not answer for some cycles after its clock is enabled. Workaround: the HAL's
+//!   `enable` waits for the write (DSB) before it returns.
 //!
 //! `unsafe` is used here for the exception handler, and for its access to RCC.
 #![allow(unsafe_code)]
@@ -39,7 +39,7 @@ use super::HORUS_TELEMETRY;
 
 /// Sets the clock tree up, from HSE if it is there, otherwise from HSI. It takes [`clock::START_MAX_MS`] and the PLL's
 /// lock time at most. The HAL waits for the PLL without a bound: if the PLL never gets ready, the watchdog resets the
-/// part, and the record of the last stop tells it ([`Cause::ClockStart`], with the PLL's source as its detail).
+/// part, and the record of the last stop states the cause ([`Cause::ClockStart`], with the PLL's source as its detail).
 ///
 /// # Panics
 ///

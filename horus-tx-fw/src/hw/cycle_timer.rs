@@ -14,7 +14,7 @@
 //!
 //! # Errata (ES0206 rev 24) of the peripherals used here
 //!
-//! - ES0206 2.7.3: a second compare match right after CCR changed may be missed. Measure: CCR never changes.
+//! - ES0206 2.7.3: a second compare match right after CCR changed may be missed. Workaround: CCR never changes.
 //!
 //! `unsafe` is used here for shared access to the timer's register block.
 #![allow(unsafe_code)]

@@ -6,8 +6,8 @@
 //! interrupts, not the buffer (ITEVTEN, ITERREN; not ITBUFEN). So a message goes out byte by byte on BTF, with the
 //! clock held in between. A DMA stream reads, with LAST to refuse the last byte, and raises an interrupt at its end.
 //!
-//! After a START or STOP was requested, CR1 is not written before the peripheral has carried the request out, since a
-//! write could request it twice (RM0090, "I2C", control register 1).
+//! After a START or STOP was requested, CR1 is not written before the peripheral has carried the request out. A write
+//! could request the START or STOP twice (RM0090, "I2C", control register 1).
 //!
 //! During a recovery of the bus, SWRST is set from when the pins are disconnected until they are given back.
 //!
@@ -17,8 +17,8 @@
 //!   the tick.
 //! - Erratum "start cannot be generated after a misplaced stop": only SWRST helps. A transaction whose START does not
 //!   come has not ended by the tick, and the tick then resets the peripheral.
-//! - Erratum "mismatch on the set-up time of a repeated start": it concerns standard mode from 88 kHz on, and this is
-//!   fast mode.
+//! - Erratum "mismatch on the set-up time of a repeated start": it concerns standard mode from 88 kHz on, and this bus
+//!   runs in fast mode.
 //! - Erratum "data valid time violated without OVR": it concerns a target that transmits, and this peripheral is the
 //!   controller.
 //! - Erratum about rise times of SDA and SCL when the bus's supply is above the part's: it does not apply, because the

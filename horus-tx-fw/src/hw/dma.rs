@@ -6,15 +6,15 @@
 //! a reference to other types would promise that nobody else changes the memory. It is in main SRAM, because DMA cannot
 //! reach the CCM RAM (RM0090 "Memory and bus architecture").
 //!
-//! **Switching off.** A stream whose EN is cleared first ends the transfer that it has begun, and EN reads 1 until
-//! then. Only when EN reads 0 may the stream be set up again, and does the memory belong to the processor (RM0090 "DMA
-//! controller", stream configuration procedure, step 1; AN4031, which demands the same before the peripheral is
+//! **Switching off.** If EN is cleared, a stream first ends the transfer that it has begun, and EN reads 1 until then.
+//! Only when EN reads 0 does the memory belong to the processor, and only then may the stream be set up again (RM0090
+//! "DMA controller", stream configuration procedure, step 1; AN4031, which demands the same before the peripheral is
 //! switched off). [`stop`] waits until EN reads 0, with a bound.
 //!
 //! # Errata (ES0206 rev 24, and AN4031) of the controllers
 //!
-//! - AN4031: DMA2 may corrupt data when it serves AHB and APB peripherals at once. Measure: DMA2 serves only SPI1 and
-//!   SPI5, which are peripherals of APB2.
+//! - AN4031: DMA2 may corrupt data when it serves AHB and APB peripherals at once. Workaround: DMA2 serves only SPI1
+//!   and SPI5, which are peripherals of APB2.
 //!
 //! `unsafe` is used here for shared access to the controllers' register blocks, for the addresses that a stream is
 //! given, and for flag registers that are written as words.
@@ -123,9 +123,9 @@ pub(super) fn clear_flags(stream: Stream) {
 ///
 /// - `transfer.peripheral` is the address of the data register of the peripheral to which the stream's channel belongs,
 ///   and a byte of that register may be read (in) or written (out).
-/// - At `transfer.memory` begin `transfer.len` bytes (one byte if the transfer comes in and does not advance) of one or
-///   more statics in main SRAM that consist of atomics, and no code relies on the contents of these bytes until the
-///   stream has ended or been stopped.
+/// - The memory of the transfer is the `transfer.len` bytes from `transfer.memory` on, or one byte if the transfer
+///   comes in and does not advance. It lies in one or more statics in main SRAM that consist of atomics. No code relies
+///   on the contents of this memory until the stream has ended or been stopped.
 /// - The stream is off, as [`is_on`] tells, and its flags are clear.
 pub(super) unsafe fn start(stream: Stream, transfer: &Transfer) {
     let registers = registers(stream);
@@ -179,8 +179,8 @@ const STOP_POLLS: u32 = 128;
 ///
 /// # Errors
 ///
-/// [`StillOn`] if the stream has not ended after some µs: the controller or its bus hangs, the memory does not belong
-/// to the processor, and only a reset helps.
+/// [`StillOn`] if the stream has not ended after some µs. Then the DMA controller or its bus hangs, the processor must
+/// not use the stream's memory, and only a reset helps.
 pub(super) fn stop(stream: Stream) -> Result<(), StillOn> {
     registers(stream).cr().modify(|_, w| w.en().clear_bit());
     if (0..STOP_POLLS).any(|_| !is_on(stream)) {

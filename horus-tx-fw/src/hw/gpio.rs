@@ -100,7 +100,7 @@ pub(super) fn output(pin: Pin, speed: Speed, high: bool) {
 }
 
 /// Connects a pin to its peripheral as an output that only ever pulls low, and whose level can be read. Its output
-/// latch is high, so that [`drive`] releases the pin at first.
+/// latch is high, so [`drive`] releases the pin at first.
 pub(super) fn open_drain(alternate_pin: AlternatePin) {
     let AlternatePin { pin, .. } = alternate_pin;
     write(pin, true);

@@ -3,7 +3,7 @@
 //! # Design
 //!
 //! The HAL sets up clocks and the watchdog. This folder has what the HAL's types do not offer: DMA streams that run for
-//! ever or are finished in another task, a timer whose period must not be rounded, and pins set up from a table.
+//! ever or that another task finishes, a timer whose period must not be rounded, and pins that are set up from a table.
 //!
 //! | module | what it holds |
 //! |---|---|
@@ -31,10 +31,10 @@
 //!   one.
 //! - ES0206 2.8.3, 2.8.4: PVU and RVU are not cleared if APB is too slow. But APB1 has 36 MHz, and no code waits for
 //!   them.
-//! - Cortex-M4 erratum 776924: VDIV/VSQRT may give a wrong result if interrupted by a very short handler. Measure:
+//! - Cortex-M4 erratum 776924: VDIV/VSQRT may give a wrong result if interrupted by a very short handler. Workaround:
 //!   every handler takes more than the 14 cycles that the erratum names.
 //! - Cortex-M4 erratum 838869: a store right before exception return may make the processor return to the wrong vector.
-//!   Measure: [`settle`] (DSB) ends every handler.
+//!   Workaround: [`settle`] (DSB) ends every handler.
 //!
 //! `unsafe` is used here for the symbol under which the telemetry is found.
 #![allow(unsafe_code)]

@@ -8,16 +8,16 @@
 //!
 //! The SPI runs in mode 1 (CPOL 0, CPHA 1; DS13541, SPI interface) at 72 MHz / 8 = 9 MHz, most significant bit first.
 //!
-//! [`field_off`] relies on no earlier set-up, so that it also works in the first instructions of the start, and after
-//! the clock security system has switched the PLL off. The SPI then runs at 2 or 1 MHz. The bounds of its waits, in
-//! cycles of the processor, still hold, since the processor is slower too.
+//! [`field_off`] relies on no earlier set-up. So it also works in the first instructions of the start, and after the
+//! clock security system has switched the PLL off. The SPI then runs at 2 or 1 MHz. The bounds of the waits still hold,
+//! because they count cycles of the processor, which is slower too.
 //!
 //! # Errata (ES0206 rev 24) of the peripherals used here
 //!
-//! - ES0206 2.12.1, 2.12.5: BSY may stay high when the SPI is disabled, or after a transfer in other modes than this
-//!   one. Measure: the SPI stays enabled, and every wait for BSY has a bound.
-//! - ES0206 2.12.4: the last bit may be corrupted in master mode with delayed SCK feedback. Measure: SCK has a very
-//!   high pad speed, and 9 MHz of the 45 MHz that it may have.
+//! - ES0206 2.12.1, 2.12.5: BSY may stay high when the SPI is disabled, or after a transfer in some modes, which are
+//!   not used here. Workaround: the SPI stays enabled, and every wait for BSY has a bound.
+//! - ES0206 2.12.4: the last bit may be corrupted in master mode with delayed SCK feedback. Workaround: the pin of SCK
+//!   has the fastest output speed setting, and SCK runs at 9 MHz of the 45 MHz allowed.
 //!
 //! `unsafe` is used here for shared access to the register blocks of SPI1 and TIM5, to start the DMA streams, and for
 //! the EXTI line's port.
@@ -92,7 +92,7 @@ pub(super) fn put(byte: u8) {
     spi().dr8().write(|w| w.dr().set(byte));
 }
 
-/// Waits for the byte that comes in while a byte is sent, for one byte time at most, even if the SPI hangs.
+/// Waits for the byte that comes in while a byte is sent. The wait takes one byte time at most, even if the SPI hangs.
 #[inline(always)]
 pub(super) fn take() -> u8 {
     // Not covered: as for `deselect`, only an SPI that hangs needs the later polls.
@@ -213,8 +213,8 @@ impl Radio {
     /// # Safety
     ///
     /// - Both streams are off.
-    /// - At `out` begin `len` bytes of a static made of atomics. At `into` begin as many (if `keep`, and then there is
-    ///   no `lead`), otherwise one.
+    /// - `out` is the address of `len` bytes of a static made of atomics. `into` is the address of `len` bytes of such
+    ///   a static if `keep` is set, and of one byte otherwise. With `keep` there is no `lead`.
     unsafe fn begin(&mut self, lead: Option<u8>, out: u32, into: u32, len: usize, keep: bool) {
         let peripheral = spi().dr().as_ptr() as u32;
         let incoming = Transfer {

@@ -8,10 +8,10 @@
 //!
 //! # Errata (ES0206 rev 24) of the peripheral
 //!
-//! - ES0206 2.12.1, 2.12.5: BSY may stay high when the SPI is disabled, or after a transfer in other modes than this
-//!   one. Measure: the SPI stays enabled, and no code waits for BSY.
-//! - ES0206 2.12.4: the last bit may be corrupted in controller mode with delayed SCK feedback. Measure: SCK has a very
-//!   high pad speed, and 0.56 MHz of the 45 MHz that it may have.
+//! - ES0206 2.12.1, 2.12.5: BSY may stay high when the SPI is disabled, or after a transfer in some modes, which are
+//!   not used here. Workaround: the SPI stays enabled, and no code waits for BSY.
+//! - ES0206 2.12.4: the last bit may be corrupted in controller mode with delayed SCK feedback. Workaround: the pin of
+//!   SCK has the fastest output speed setting, and SCK runs at 0.56 MHz of the 45 MHz allowed.
 //!
 //! `unsafe` is used here for shared access to the peripheral's register block, and to start the DMA streams.
 #![allow(unsafe_code)]
@@ -169,8 +169,8 @@ impl SpiSource {
         self.spi().cr2().write(|w| w.rxdmaen().set_bit().txdmaen().set_bit());
     }
 
-    /// Puts the bytes that have come in, without filler, into the ring. Filler, most of a transfer, is skipped in
-    /// fours.
+    /// Puts the bytes that have come in, without filler, into the ring. Most of a transfer is filler, which is skipped
+    /// four bytes at a time.
     fn take(&mut self) {
         compiler_fence(Ordering::Acquire);
         let is_old = self.polling.is_old();

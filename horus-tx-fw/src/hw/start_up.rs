@@ -2,11 +2,11 @@
 //!
 //! # Design
 //!
-//! The watchdog's registers are written here and not by the HAL, whose code cannot run before statics are set up, and
-//! whose prescaler for 100 ms counts in steps of 8 ms. The order is that of RM0090 21.3: the key 0xCCCC starts the
-//! watchdog, and LSI with it; 0x5555 opens the reload register, whose value takes up to 5 periods of LSI to reach the
-//! watchdog's own clock. The prescaler keeps its reset value, 4. Until `init` feeds the watchdog, it counts from the
-//! reset value of the reload register ([`timing::FIRST_WATCHDOG_MS`]).
+//! The watchdog's registers are written here and not by the HAL. The HAL's code cannot run before statics are set up,
+//! and its prescaler for 100 ms counts in steps of 8 ms. The order is that of RM0090 21.3. The key 0xCCCC starts the
+//! watchdog, and LSI with it. The key 0x5555 opens the reload register, whose value takes up to 5 periods of LSI to
+//! reach the watchdog's own clock. The prescaler keeps its reset value, 4. Until `init` feeds the watchdog, it counts
+//! from the reset value of the reload register ([`timing::FIRST_WATCHDOG_MS`]).
 //!
 //! The reset flags in RCC_CSR collect until RMVF clears all of them (RM0090 6.3.21). They are cleared before the
 //! watchdog starts. Otherwise the flags of power-on and of brown-out could hide the watchdog's flag at the next

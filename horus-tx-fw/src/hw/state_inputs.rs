@@ -1,4 +1,4 @@
-//! The pairs of pins that tell HORUS's state
+//! The pairs of pins from which HORUS derives its state
 //!
 //! Each pin has a pull-up, so that a pair that is not connected reads as a contradiction (decision 18).
 

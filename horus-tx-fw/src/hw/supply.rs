@@ -13,13 +13,14 @@
 //! | any, if another brown-out level is set | safe state at the start; [`Cause::BrownOutLevel`] | [`brown_out_level`] |
 //!
 //! Thresholds: DS9405, "Embedded reset and power control block characteristics". The detector is set to its highest
-//! level, the only one that is above the brown-out level in every part. The board's regulator gives 3.3 V ± 2 %, which
-//! is above the level from which the detector accepts the supply again (3.07 to 3.21 V).
+//! level, because no other level is above the brown-out level in every part. The board's regulator gives 3.3 V ± 2 %.
+//! That is above the level from which the detector accepts the supply again (3.07 to 3.21 V).
 //!
 //! A part as delivered has no brown-out reset above 1.7 V; `cargo xtask flash horus` sets the level. In a safe state
 //! the watchdog resets the part, which stops again at each start until the supply is high enough.
 //!
-//! The interrupt has the highest priority, which no lock masks. Its handler shares no data and does not return.
+//! The voltage detector's interrupt has the highest priority, which no lock masks. Its handler shares no data and does
+//! not return.
 //!
 //! `unsafe` is used here for the exception handler, to unmask its interrupt, and for registers that nothing else uses.
 #![allow(unsafe_code)]

@@ -11,8 +11,9 @@
 //!
 //! # Errata (ES0206 rev 24) of the peripheral
 //!
-//! - ES0206 2.11.1: an idle frame may go undetected if the receiver's clock deviates. Measure: an idle line only makes
-//!   HORUS check the stream earlier; it also checks it when the ring is half or fully written, and at every tick.
+//! - ES0206 2.11.1: an idle frame may go undetected if the receiver's clock deviates. Workaround: an idle line only
+//!   makes HORUS check the stream earlier. HORUS also checks the stream when the ring is half or fully written, and at
+//!   every tick.
 //!
 //! `unsafe` is used here for shared access to the UARTs' register blocks, to write the baud rate, and to start the DMA
 //! stream.
@@ -67,7 +68,6 @@ impl UartSource {
         unsafe { self.registers.get() }
     }
 
-    /// Sets the baud rate. The UART must be off.
     fn set_rate(&self, rate: Rate) {
         let baud = match rate {
             Rate::Usual => timing::GNSS_BAUD,
@@ -140,13 +140,13 @@ impl UartSource {
                 uart.dr().write(|w| unsafe { w.bits(u16::from(*byte)) });
             }
             Some(_) => {}
-            // The flag TC is cleared before the last byte is written, because until then it tells the end of an earlier
-            // byte.
+            // The flag TC is cleared before the last byte is written, because until then it reports the end of an
+            // earlier byte.
             None if is_complete => {
                 let rate = message.rate();
                 self.outgoing = None;
-                // Both interrupts of the transmitter are switched off. After the last bit, that of the empty data
-                // register may still be on.
+                // Both interrupts of the transmitter are switched off. The interrupt of the empty data register may
+                // still be on after the last bit.
                 uart.cr1().modify(|_, w| w.txeie().clear_bit().tcie().clear_bit());
                 if rate != Rate::Usual {
                     self.change_rate(Rate::Usual);

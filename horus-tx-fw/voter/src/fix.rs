@@ -7,8 +7,8 @@ use crate::{
 
 /// The position that a receiver states for one epoch, in the units of UBX NAV-PVT.
 ///
-/// The values are integers, so that they lose no precision before the vote, every difference of two positions is exact,
-/// and no value can be infinite or not a number.
+/// The values are integers. So they lose no precision before the vote, and every difference of two positions is exact.
+/// No value can be infinite or not a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stated {
     /// The latitude, 1e-7 degrees north, WGS-84.
@@ -94,7 +94,6 @@ impl Fix {
 }
 
 impl Default for Fix {
-    /// Returns the fix of a receiver that has stated nothing. This fix is not plausible.
     fn default() -> Self {
         Self::new(&Stated::NOTHING)
     }

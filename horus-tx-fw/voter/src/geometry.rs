@@ -7,10 +7,10 @@
 //! arithmetic, which has only float32, do all but the last step.
 //!
 //! The vector from one place to another is the difference of their positions in space, seen along north, east and up of
-//! the first place. No term of it is the small difference of two large ones. Latitudes enter as their difference,
-//! longitudes by sine and by 1 - cosine = 2 sine² of half of their difference, and the cosine of a latitude is the sine
-//! of its complement to 90°, computed in integers. So the vector is right across ±180° and around the poles. For places
-//! far apart the vector is long in any direction, since its part along up is never left out.
+//! the first place. No term of it is the small difference of two large ones. Latitudes enter as their difference.
+//! Longitudes enter by sine and by 1 - cosine = 2 sine² of half of their difference. The cosine of a latitude is the
+//! sine of its complement to 90°, computed in integers. So the vector is right across ±180° and around the poles. For
+//! places far apart the vector is long in any direction, since its part along up is never left out.
 //!
 //! The vector leaves out the change of the radii of curvature between the two places, 2e-6 of the distance at 1 km, and
 //! the square of the difference of the latitudes, 3e-9. With the rounding of float32 the error is below 5 mm at 1 km,
@@ -91,13 +91,13 @@ impl Place {
     /// Returns latitude and longitude, degrees, of the point `north` and `east` metres from this place, at most some
     /// hundred. Without a step the result is exactly the position that was stated.
     pub(crate) fn degrees(&self, [north, east]: [f32; 2]) -> [f64; 2] {
-        // The point's distance from the earth's axis, measured in the direction of this place, then in the direction of
-        // the point.
+        // `away` is the point's distance from the earth's axis, and `outward` the part of that distance in the
+        // direction of this place.
         let outward = self.across * self.cosine - north * self.sine;
         let away = libm::sqrtf(outward * outward + east * east);
         let ahead = outward >= 0.0;
-        // Half of the change in longitude has the tangent `half_turn`. Beyond the pole, `half_turn` is the tangent of
-        // half of what the change lacks to 180°. At the pole it is 0 divided by the least positive number.
+        // `half_turn` is the tangent of half of the change in longitude. Beyond the pole it is the tangent of half of
+        // the change's complement to 180°. At the pole the least positive number avoids a division by 0.
         let half_turn = east / at_least(away + if ahead { outward } else { -outward }, f32::MIN_POSITIVE);
         let turn = 2.0 * arc_tangent(half_turn);
         let (turn, bulge) =
@@ -142,7 +142,6 @@ fn arc_tangent(tangent: f32) -> f32 {
     2.0 * half * series(half * half, TERMS)
 }
 
-/// Returns the sum of the series Σ terms\[k\] xᵏ.
 fn series<const K: usize>(x: f32, terms: [f32; K]) -> f32 {
     terms.iter().rev().fold(0.0, |sum, term| sum * x + term)
 }
@@ -258,8 +257,6 @@ mod tests {
     proptest! {
         #![proptest_config(seeded(20_000))]
 
-        /// The errors are within the bounds that the module's page states. Heights are checked too, since they depend
-        /// on the earth's curvature.
         #[test]
         fn the_way_to_a_place_has_the_accuracy_that_is_stated(
             here in anywhere(),
@@ -275,7 +272,6 @@ mod tests {
             }
         }
 
-        /// The computed distance between two places is at least half of the true distance, however far apart they are.
         #[test]
         fn places_that_are_far_apart_are_far_apart(here in anywhere(), there in anywhere()) {
             let found = length(here.place().to(&there.place(), [0.0; 2]).map(f64::from));

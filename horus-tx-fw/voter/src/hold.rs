@@ -1,8 +1,8 @@
 //! Holds a result back for a second if it cannot be reached from the last result shown (decision 15, jumps)
 //!
 //! A result is within reach if its distance from the last one shown is small enough for the time since then. Results
-//! out of reach are held back. They form a row, which goes on while every tick has a result within reach of the one
-//! before it. After [`HELD_BACK_MS`] the row's last result is shown.
+//! out of reach are held back. They form a series, which goes on while every tick has a result within reach of the one
+//! before it. After [`HELD_BACK_MS`] the last result of the series is shown.
 
 use crate::{HELD_BACK_MS, SPEED_MAX_MM_S};
 
@@ -22,11 +22,11 @@ pub(crate) fn is_within_reach(distance_squared: f32, limit_squared: f32, seconds
     (beyond <= 0.0) | (beyond * beyond <= 4.0 * limit_squared * way_squared)
 }
 
-/// The result that was shown last, and the row of results that are held back.
+/// The result that was shown last, and the series of results that are held back.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Hold<T> {
     shown: Option<At<T>>,
-    /// The time at which the row of held-back results began, ms, and the row's last result.
+    /// The time at which the series of held-back results began, ms, and the last result of the series.
     held: Option<(u32, At<T>)>,
 }
 

@@ -21,9 +21,9 @@
 //! - **No jump at once.** A place or an altitude that cannot be reached at 200 m/s from the last one shown is held back
 //!   until it has lasted for a second (see `hold`).
 //! - **A majority of right receivers always has a result.** More than half of the receivers are members of a result, so
-//!   any majority has one of them. No receiver of a majority that agrees is ever excluded, since it agrees with a
-//!   member, and the majority itself is a set that can win. Whatever other receivers send, a result is only lost for
-//!   the second for which a jump is held back.
+//!   any majority has one of them. No receiver of a majority that agrees is ever excluded, because it agrees with a
+//!   member. The majority itself is a set that can win. Whatever other receivers send, a result is lost only while a
+//!   jump is held back, for a second.
 //!
 //! # What it cannot do
 //!
@@ -66,17 +66,19 @@ pub const MOST_HORIZONTAL_ACCURACY_MM: u32 = 30_000;
 /// The largest vertical accuracy, mm: 50 m (decision 15, candidates).
 pub const MOST_VERTICAL_ACCURACY_MM: u32 = 50_000;
 
-/// The latency (time from the epoch of a position to its arrival) of the candidate in the middle, ms: a receiver takes
-/// it to compute and send (decision 15, brought to the tick; u-blox data sheets and recordings: 40 to 80 ms).
+/// The latency of the candidate in the middle, ms (decision 15, paragraph "Brought to the tick"; u-blox data sheets and
+/// recordings: 40 to 80 ms). A latency is the time from a position's epoch to its arrival, in which the receiver
+/// computes and sends the position.
 pub const LATENCY_MS: i32 = 50;
-/// How much the latency of a candidate may differ from that of the candidate in the middle, ms (decision 15, brought to
-/// the tick).
+/// How much the latency of a candidate may differ from that of the candidate in the middle, ms (decision 15, paragraph
+/// "Brought to the tick").
 pub const LATENCY_SPREAD_MS: i32 = 50;
 /// The length of a week, ms, after which the time of week begins at 0 again.
 pub const WEEK_MS: u32 = 7 * 24 * 3_600 * 1_000;
-/// How much a latency may differ from [`LATENCY_MS`], s. This times the speed is added to an accuracy (decision 15).
+/// The greatest error of [`LATENCY_MS`], s. Multiplied by the speed, it is added to an accuracy (decision 15).
 pub const LATENCY_UNCERTAINTY_S: f32 = 0.05;
-/// Half of the greatest acceleration, 4 m/s². This times the square of the age is added to an accuracy (decision 15).
+/// Half of the greatest acceleration, 4 m/s². Multiplied by the square of the age, it is added to an accuracy (decision
+/// 15).
 pub const HALF_ACCELERATION_M_S2: f32 = 2.0;
 
 /// Two receivers agree within this multiple of the standard deviation of their difference, the root of the sum of both
@@ -208,9 +210,9 @@ impl<const N: usize> Voter<N> {
         Self::excluding(0)
     }
 
-    /// Returns a voter that has not voted since a restart, before which the receivers of the mask `excluded` were
-    /// excluded: they have to agree for [`RETURNS_AFTER_MS`] from now on. A mask that no vote leads to counts as empty:
-    /// one with a receiver that does not exist, or with half of the receivers or more.
+    /// Returns a voter that has not voted since a restart. The receivers of the mask `excluded` were excluded before
+    /// the restart: they have to agree for [`RETURNS_AFTER_MS`] from now on. A mask with a receiver that does not
+    /// exist, or with half of the receivers or more, counts as empty, because no vote leads to it.
     #[must_use]
     pub const fn excluding(excluded: u8) -> Self {
         const { assert!(N >= 1 && N <= MOST_RECEIVERS, "HORUS carries one to five receivers") }
@@ -250,8 +252,8 @@ impl<const N: usize> Voter<N> {
         let height = height(inputs, &brought, with_altitude);
         let is_stated = self.altitudes.take(now_ms, height, has_quorum, is_result);
 
-        // A receiver that agrees with no other is outvoted. Where a quorum has an altitude, the others must have one
-        // too.
+        // A receiver that agrees with no other is outvoted. If a quorum has altitudes, a receiver with an altitude must
+        // agree with another that has one.
         let peers =
             inputs.each_ref().map(|input| if has_quorum & input.fix.has_altitude { with_altitude } else { set });
         let mut with_peer = 0;
@@ -317,7 +319,7 @@ fn are_within(values: Option<[f32; 3]>, most: f32) -> bool {
     values.is_some_and(|values| values.iter().fold(true, |all, value| all & (value.abs() <= most)))
 }
 
-/// Returns one of the three numbers of each input, or 0 for an input without numbers or with one beyond `most`.
+/// Returns the coordinate `axis` of each input; 0 for an input without coordinates or with one beyond `most`.
 fn axis_of<const N: usize>(
     inputs: &[Input; N],
     of: impl Fn(&Input) -> Option<[f32; 3]>,
@@ -332,9 +334,9 @@ fn axis_of<const N: usize>(
 
 /// Returns the time from the epoch of each position to its arrival, in units of half a millisecond.
 ///
-/// All receivers tell the time of week of the same system. So if one receiver's message arrives later after its time of
-/// week than another's, its latency is greater by that difference. The candidate with the median latency gets
-/// [`LATENCY_MS`], and the others as much more or less as their messages took. If the difference is above
+/// A receiver's lag is the time from its message's time of week to the message's arrival. All receivers tell the time
+/// of week of one system, so two latencies differ by as much as the two lags. The candidate with the median lag gets
+/// [`LATENCY_MS`], and the others get more or less by their lag's difference from it. If this difference is above
 /// [`LATENCY_SPREAD_MS`], the receiver's time of week is wrong, and its position gets [`LATENCY_MS`], too.
 fn latencies<const N: usize>(inputs: &[Input; N], candidates: u8) -> [i32; N] {
     const HALF_A_WEEK_MS: i32 = WEEK_MS as i32 / 2;
@@ -369,9 +371,9 @@ fn bring(input: &Input, half_ms_before_arrival: i32) -> Brought {
     }
 }
 
-/// Returns two results. For each candidate, the first has a mask of the candidates that agree with it, including
-/// itself. Row `i` of the second has the places of candidate `i` and those after it, m north and east of the place that
-/// `i` stated.
+/// Returns, for each candidate, a mask of the candidates that agree with it, including itself. Also returns distances.
+/// Row `i` is for candidate `i`: it has the place of this candidate and of each after it, m north and east of the place
+/// that candidate `i` stated.
 fn compare<const N: usize>(
     inputs: &[Input; N],
     brought: &[Brought; N],
@@ -434,7 +436,6 @@ impl hold::Mark for Spot {
     }
 }
 
-/// Returns the median position of the receivers that agree: the median north and the median east, separately.
 fn spot<const N: usize>(inputs: &[Input; N], brought: &[Brought; N], places: &[[[f32; 2]; N]; N], members: u8) -> Spot {
     // The metres count from the first member's place, since that member's row has the places of all members.
     let place: Place = first(members, &inputs.each_ref().map(|input| input.fix.place));
@@ -493,7 +494,7 @@ fn attitude<const N: usize>(inputs: &[Input; N], members: u8) -> Option<[f32; 3]
     let mut attitude = [0.0; 3];
     for (axis, from) in [-PI, 0.0, -PI].into_iter().enumerate() {
         let angles = axis_of(inputs, |input| input.attitude, axis, ANGLE_MAX);
-        // No limit is near half a turn, so two angles agree if both differ from the first angle by amounts that agree.
+        // The limits are far below half a turn. So two angles agree if their differences from the first angle agree.
         let (reference, differences) = about_first(angles, oriented);
         let (middle, spread) = median_and_spread(differences, oriented);
         agree &= spread <= ATTITUDE_LIMITS_RAD[axis];

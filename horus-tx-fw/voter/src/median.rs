@@ -1,4 +1,4 @@
-//! Medians of the values in a mask, with the same work for every mask.
+//! Calculates medians of the values that a mask selects, with the same work for every mask.
 
 use crate::{first, has};
 

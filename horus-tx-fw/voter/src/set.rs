@@ -7,19 +7,18 @@ const SETS: usize = 1 << MOST_RECEIVERS;
 /// The number of parts of a metre in which accuracies are counted. At the largest accuracy, a float32 still resolves
 /// one part.
 const PARTS_PER_METRE: f32 = (1 << 20) as f32;
-/// The greatest value that an accuracy has in these parts: 64 m, to which larger accuracies are reduced. A candidate's
-/// accuracy is below 43 m.
+/// The greatest accuracy that is counted, in parts of a metre: 64 m. A candidate's accuracy is below 43 m, and larger
+/// ones are reduced to this value.
 const MOST_PARTS: u32 = (1 << 26) - 1;
 const SUM_BITS: u32 = 29;
 
-/// The weight that each member adds to a set. The number of a receiver adds less than 2^8 to it, and lower numbers add
-/// more.
+/// The weight that each member adds to a set. A lower receiver number adds a little more, always less than 2^8.
 const MEMBER: u32 = 1 << 16;
 const KEPT: u32 = 1 << 8;
 
-/// Returns the set that wins; 0 if no receiver is eligible. Only sets in `eligible` count in which each pair agrees.
-/// The set with most members wins; among equals that with most of `last`, then that with the least sum of `accuracies`
-/// (m), then that with the lower receiver numbers.
+/// Returns the set that wins; 0 if no receiver is eligible. A set counts only if it consists of receivers in `eligible`
+/// of which each pair agrees. The set with the most members wins. Among equal sets the one with the most receivers of
+/// `last` wins, then the one with the least sum of `accuracies` (m), then the one with the lower receiver numbers.
 ///
 /// `friends[i]` are the receivers that agree with receiver `i`, including itself. Every set is examined once, made from
 /// a smaller set by adding the receiver with the highest number.
@@ -36,7 +35,8 @@ pub(crate) fn winner<const N: usize>(friends: &[u8; N], eligible: u8, last: u8, 
     let mut sum = [0_u32; SETS];
     let (mut best, mut best_rank) = (0, 0);
     for index in 0..N {
-        // The sets whose highest receiver is `index` follow all sets of the lower receivers.
+        // Sets are ordered by their highest receiver: all sets of lower receivers precede those whose highest receiver
+        // is `index`.
         let top = 1 << index;
         for rest in 0..top {
             let set = rest | top;

@@ -12,7 +12,6 @@ fn seeded(cases: u32) -> Config {
     Config { cases, rng_seed: RngSeed::Fixed(15), failure_persistence: None, ..Config::default() }
 }
 
-/// Draws any place on earth. The poles and both sides of ±180° come more often than by chance.
 fn somewhere() -> impl Strategy<Value = (f64, f64)> {
     let latitude = prop_oneof![
         4 => -89.0..89.0,
@@ -34,7 +33,6 @@ fn somewhere() -> impl Strategy<Value = (f64, f64)> {
 /// its time of week, ms; whether its fix is 2D; its attitude and its acceleration.
 type Drawn = (bool, [f64; 3], [i32; 3], [u32; 2], i32, u32, bool, Option<[f32; 3]>, Option<[f32; 3]>);
 
-/// Draws three numbers. Most of them are so close to `about` that two draws may agree.
 fn numbers(about: [f32; 3], within: f32) -> impl Strategy<Value = Option<[f32; 3]>> {
     let off = move || prop_oneof![6 => -within..within, 1 => Just(f32::NAN), 1 => -500.0_f32..500.0];
     let drawn = [off(), off(), off()].prop_map(move |off| [0, 1, 2].map(|axis| about[axis] + off[axis]));
@@ -58,7 +56,6 @@ fn receiver() -> impl Strategy<Value = Drawn> {
     )
 }
 
-/// Returns the report of a receiver, after a jump of all receivers by `jump`, m north and up.
 fn report_of(place: (f64, f64), jump: [f64; 2], drawn: Drawn) -> Report {
     let (valid, [north, east, up], velocity_mm_s, accuracies, since_arrival_ms, lag_ms, flat, attitude, acceleration) =
         drawn;
@@ -91,14 +88,13 @@ fn same(one: Option<[f32; 3]>, other: Option<[f64; 3]>, circle: bool) -> bool {
     })
 }
 
-/// Gives both voters the same ticks of several receivers, and compares the results.
 fn compare<const N: usize>(ticks: &[(Vec<Report>, u32)]) -> Result<(), TestCaseError> {
     let (mut voter, mut oracle) = (Voter::<N>::new(), Oracle::default());
     let mut now = u32::MAX - 2_000;
     for (report, later) in ticks {
         let inputs: [Input; N] = std::array::from_fn(|i| report[i].input());
         let (verdict, opinion) = (voter.vote(&inputs, now), oracle.vote(&report[..N], now));
-        // A vote whose outcome depends on rounding cannot be compared, and neither can the votes after it.
+        // If rounding decides a vote, this vote and the votes after it cannot be compared.
         if opinion.narrow {
             return Ok(());
         }
@@ -179,8 +175,8 @@ proptest! {
             prop_assert_eq!((a.members, a.excluded), (back(b.members), back(b.excluded)));
             prop_assert_eq!(a.position.is_some(), b.position.is_some());
             if let (Some(a), Some(b)) = (a.position, b.position) {
-                // Close to a pole this comparison is left out: north and east are the axes at the first member's place,
-                // and other members' axes differ there.
+                // This comparison is left out close to a pole, where the axes north and east differ from member to
+                // member.
                 if a.latitude.abs() < 89.0 {
                     let off = distance((a.latitude, a.longitude), (b.latitude, b.longitude));
                     prop_assert!(off < 0.01, "{} m", off);

@@ -109,8 +109,8 @@ fn a_position_moves_by_its_velocity_for_its_age_and_50_ms() {
     }
 }
 
-/// Returns how far each of three receivers' positions is moved to the tick, m. In turn one of them flies east at 40
-/// m/s; the other two stand, at its place and 4.9 m east of it, so that the median is the flying receiver.
+/// Returns how far the voter moves each of three receivers' positions to the tick, m. Each receiver in turn flies east
+/// at 40 m/s, and the other two stand at its place and 4.9 m east of it, so that the median is the flying receiver.
 fn brought(lags: [u32; 3]) -> [f64; 3] {
     [0, 1, 2].map(|of: usize| {
         let mut report = [0, 1, 2].map(|i: usize| Report { lag_ms: lags[i], ..GOOD });
@@ -133,14 +133,14 @@ fn the_age_of_a_message_follows_from_its_lag_behind_the_others() {
         ([90, 100, 130], [40, 50, 80]),
         ([130, 90, 100], [80, 40, 50]),
         ([100, 150, 50], [50, 100, 0]),
-        // In the rows from here on, one receiver's time of week is farther from the others than the voter accepts.
+        // Below, one receiver's time of week differs from the others' by more than the voter accepts.
         ([100, 151, 49], [50, 50, 50]),
         ([100, 400_000, 110], [40, 50, 50]),
         ([400_000, 100, 110], [50, 40, 50]),
         ([0, WEEK_MS / 2 - 9, WEEK_MS / 2], [50, 50, 59]),
-        // Times of week half a week from the first cannot be compared, so every latency is assumed.
+        // Times of week that differ by half a week cannot be compared, so each position gets the assumed latency.
         ([0, WEEK_MS / 2, WEEK_MS / 2 + 9], [50, 50, 50]),
-        // In the rows from here on, the week ends between the receivers' times of week.
+        // Below, the week ends between the receivers' times of week.
         ([5, LAST, LAST - 20], [56, 50, 30]),
         ([LAST, 5, 15], [44, 50, 60]),
         ([LAST, LAST - 30, 9], [50, 20, 60]),
@@ -159,7 +159,7 @@ fn of_two_receivers_the_middle_lies_between_them() {
         let east = distance(place(&once(report)), degrees(&GOOD));
         assert!((east - 0.040 * latency).abs() < 0.012, "{east} m");
     }
-    // The positions move by 2.5 ms of flight, which is 10 cm. The resolution of a position adds an error of 11 mm.
+    // The results differ by 2.5 ms of flight, which is 10 cm; the resolution of positions adds an error of 11 mm.
     let still = GOOD.moved(0.0, 2.0);
     let one = once([one, Report { lag_ms: 105, ..still }]);
     let other = once([Report { lag_ms: 100, ..still }, other]);
@@ -189,7 +189,7 @@ fn climb(one: Report, other: Report) -> f64 {
 
 #[test]
 fn two_receivers_agree_within_three_standard_deviations_and_fixed_limits() {
-    // The positions are 50 ms old and at rest, which adds 5 mm to an accuracy.
+    // At rest, the 50 ms of a position's age add 5 mm to its accuracy.
     for (one, other, expected) in [
         (1_000, 1_000, 5.0),
         (1_650, 100, 5.0),
@@ -214,13 +214,13 @@ fn two_receivers_agree_within_three_standard_deviations_and_fixed_limits() {
 
 #[test]
 fn accuracies_grow_with_speed_and_with_the_square_of_the_age() {
-    // The moving receiver's accuracy is 4 m, 0.05 s of 50 m/s, and 2 m/s² over 0.55 s, together 7.105 m. That of the
+    // The moving receiver's accuracy is 7.105 m: 4 m, plus 0.05 s at 50 m/s, plus 2 m/s² over 0.55 s. That of the
     // receiver at rest is 1.005 m.
     let fast = |velocity| Report { since_arrival_ms: 500, ..GOOD }.stating(4_000, 4_000).flying(velocity);
     let still = GOOD.stating(1_000, 1_000);
     let horizontal = reach(still, fast([30_000, 40_000, 0]).moved(-0.55 * 30.0, -0.55 * 40.0));
     assert!((horizontal - 21.53).abs() < 0.03, "{horizontal}");
-    // A receiver that moves at 50 m/s downwards has a vertical accuracy of 7.105 m, too.
+    // A receiver that descends at 50 m/s has a vertical accuracy of 7.105 m.
     let vertical = climb(still, fast([0, 0, 50_000]).raised(0.55 * 50.0));
     assert!((vertical - 21.527).abs() < 0.01, "{vertical}");
     let upwards = climb(still, fast([0, 0, -50_000]).raised(-0.55 * 50.0));
@@ -252,8 +252,8 @@ fn without_a_majority_there_is_no_position_and_no_exclusion() {
     assert_eq!(once(all_apart).position, None);
 }
 
-/// Receiver 3 drifts out of the reach of receiver 2, which states a smaller accuracy, and then out of the reach of
-/// receiver 1. The rule of exclusion is for this case.
+/// A receiver that drifts away first disagrees with the right receiver that states the smaller accuracy, and only then
+/// with the other one. In between it must not form a majority that excludes the first.
 #[test]
 fn a_receiver_that_drifts_away_never_takes_a_right_one_along() {
     let mut voter = Voter::new();
@@ -292,11 +292,12 @@ fn ties_go_to_the_last_pair_then_accuracy_then_lower_numbers() {
     assert_eq!(Voter::new().vote(&row([901, 1_000, 900]), 0).members, 0b110, "the more accurate");
     let mut voter = Voter::new();
     assert_eq!(voter.vote(&row([900, 1_000, 901]), 0).members, 0b011);
-    // The members of the last result stay members. Receiver 3 agrees with one of them, so it is not excluded.
+    // Two sets have the same size, so the one with the members of the last result wins. Receiver 3 agrees with one of
+    // these members, so it is not excluded.
     let verdict = voter.vote(&row([901, 1_000, 900]), 10);
     assert_eq!((verdict.members, verdict.excluded), (0b011, 0));
 
-    // Receiver 1 was silent in the last vote, so that result had the members 2 and 3.
+    // The first vote has the members 2 and 3, because receiver 1 was silent in it.
     let mut voter = Voter::new();
     let mut silent = row([900, 1_000, 901]);
     silent[0].valid = false;
@@ -307,7 +308,7 @@ fn ties_go_to_the_last_pair_then_accuracy_then_lower_numbers() {
 
 #[test]
 fn of_equal_triples_of_five_the_lowest_numbers_win() {
-    // The places are in a row in which any three neighbours agree: receivers 1 4 2 5 3. The mirrored row is tested too.
+    // The receivers stand in a row in the order 1 4 2 5 3. Any three neighbours in this row agree.
     let at = |norths: [f64; 5]| norths.map(|north| GOOD.stating(1_000, 1_000).moved(north, 0.0));
     assert_eq!(once(at([0.0, 4.8, 9.6, 2.4, 7.2])).members, 0b01011, "1, 2 and 4, not 2, 4 and 5 or 2, 3 and 5");
     assert_eq!(once(at([9.6, 4.8, 0.0, 7.2, 2.4])).members, 0b01011, "1, 2 and 4 again");
@@ -332,8 +333,6 @@ fn returns(step: u32, wrong_until: u32, third: impl Fn(u32) -> Report, start: u3
 
 #[test]
 fn an_excluded_receiver_returns_after_agreeing_for_1000_ms() {
-    // The excluded receiver agrees from 10 ms on. At 1010 ms it has agreed for 1000 ms, so it takes part at the next
-    // tick.
     assert_eq!(returns(10, 10, |_| GOOD, 0), Some(1_020));
     assert_eq!(returns(10, 10, |_| GOOD, u32::MAX - 700), Some(1_020), "over the clock's wrap");
     assert_eq!(returns(1, 1, |_| GOOD, 0), Some(1_002), "not at 1000 ms, when it has agreed for 999");
@@ -354,8 +353,7 @@ fn who_was_excluded_before_a_restart_returns_after_agreeing_for_1000_ms() {
     let excluded = (0..2_000).step_by(10).map(|at| voter.vote(&[GOOD; 3].map(|report| report.input()), at).excluded);
     assert_eq!(excluded.take_while(|excluded| *excluded == 0b100).count(), 101);
     assert_eq!(voter.excluded(), 0);
-    // While another receiver is missing, a wrong receiver that was excluded before the restart stays excluded and has
-    // no vote.
+    // A receiver that was excluded before the restart stays excluded while another receiver is missing.
     let mut voter = Voter::excluding(0b100);
     let verdict = voter.vote(&[GOOD, SILENT, GOOD.moved(200.0, 0.0)].map(|report| report.input()), 0);
     assert_eq!((verdict.members, verdict.excluded, voter.excluded()), (0, 0b100, 0b100));
@@ -379,15 +377,15 @@ fn without_a_result_an_excluded_receiver_must_agree_with_an_eligible_candidate()
     let far = GOOD.moved(200.0, 0.0);
     let mut vote = |report: [Report; 3], now| voter.vote(&report.map(|report| report.input()), now);
     assert_eq!(vote([GOOD, GOOD, far], 0).excluded, 0b100);
-    // Receiver 2 falls silent, and receiver 1 alone gives no result. Receiver 3 agrees with receiver 1 again, and after
-    // a second both give a result.
+    // Receivers 1 and 3 agree again while receiver 2 is silent. After a second receiver 3 may vote again, and both give
+    // a result.
     for now in (10..=1_010).step_by(10) {
         assert_eq!(vote([GOOD, SILENT, GOOD], now).position, None);
     }
     let verdict = vote([GOOD, SILENT, GOOD], 1_020);
     assert_eq!((verdict.members, verdict.excluded), (0b101, 0));
 
-    // Two eligible receivers disagree. To return, the third only has to agree with one of them.
+    // If the two receivers that may vote disagree, the excluded one only has to agree with one of them to return.
     for (third, returns) in [(GOOD, true), (far, true), (GOOD.moved(0.0, 900.0), false)] {
         let mut voter = Voter::new();
         let mut vote = |report: [Report; 3], now| voter.vote(&report.map(|report| report.input()), now);
@@ -398,8 +396,7 @@ fn without_a_result_an_excluded_receiver_must_agree_with_an_eligible_candidate()
         }
         assert_eq!(vote([GOOD, far, third], 1_020).position.is_some(), returns);
     }
-    // If no eligible receiver is left, an excluded receiver returns without agreeing with any other, if it is a
-    // candidate.
+    // If no receiver may vote, an excluded receiver with a valid position returns without agreeing with any other.
     let mut voter = Voter::new();
     let mut vote = |report: [Report; 3], now| voter.vote(&report.map(|report| report.input()), now);
     assert_eq!(vote([GOOD, GOOD, far], 0).excluded, 0b100);
@@ -448,7 +445,7 @@ fn one_receivers_attitude_is_the_result_where_one_is_a_quorum() {
         assert_eq!(attitude([with_attitude(angles), SILENT]), angles);
         assert_eq!(attitude([GOOD, with_attitude(angles)]), angles);
     }
-    // Angles outside of a result's range are moved into it by whole turns.
+    // The voter moves angles outside of a result's range into it by whole turns.
     let [pitch, yaw, roll] = attitude([with_attitude([7.0, -0.5, 300.0]), GOOD]);
     assert!((pitch - (7.0 - TAU)).abs() < 1e-5 && (yaw - (TAU - 0.5)).abs() < 1e-5);
     assert!((roll - (300.0 - 48.0 * TAU)).abs() < 1e-3);
@@ -458,7 +455,7 @@ fn one_receivers_attitude_is_the_result_where_one_is_a_quorum() {
 fn attitude_is_the_median_on_the_circle() {
     let with = with_attitude;
     let attitude = |report: [Report; 3]| once(report).attitude.expect("an attitude");
-    // The angles to compare lie on both sides of ±π, and of north.
+    // The compared angles lie on both sides of ±π, and on both sides of north.
     let [pitch, yaw, roll] = attitude([with([0.2, 6.2, 3.12]), with([0.17, 0.08, -3.13]), with([0.24, 6.25, -3.1])]);
     assert!((pitch - 0.2).abs() < 1e-6 && (yaw - 6.25).abs() < 1e-6 && (roll + 3.13).abs() < 1e-6);
     let [_, yaw, roll] = attitude([GOOD, with([0.0, 6.22, 3.11]), with([0.0, 0.08, -3.11])]);
@@ -482,7 +479,7 @@ fn attitude_needs_a_quorum_of_members_that_have_one() {
             assert_eq!(has(&report), count >= least, "{count} of {receivers}");
         }
     }
-    // One receiver does not count for the quorum, because it is no member, its value is not finite, or it has no value.
+    // An attitude does not count if its receiver is no member, or if a value is beyond 400 rad or not finite.
     assert!(!has(&[GOOD, with([1.0; 3]), with([1.0; 3]).moved(200.0, 0.0)]));
     assert!(!has(&[with([f32::NAN, 0.0, 0.0]), with([0.0; 3]), GOOD]));
     assert!(!has(&[with([0.0, f32::INFINITY, 0.0]), with([0.0; 3]), GOOD]));
@@ -560,18 +557,14 @@ fn altitude(verdict: &Verdict) -> Option<f64> {
 #[test]
 fn an_altitude_needs_a_quorum_of_members_that_have_one() {
     let high = GOOD.raised(500.0);
-    // With one or two receivers, the quorum is one receiver.
     assert_eq!(altitude(&once([FLAT])), None);
     assert_eq!(altitude(&once([FLAT, high])), Some(1_012.345));
-    // Two receivers have a 2D fix, so they state no altitude; the third is 500 m off in height.
     let verdict = once([FLAT, FLAT, high]);
     assert_eq!((verdict.members, altitude(&verdict), verdict.excluded), (0b111, None, 0));
-    // One receiver has a 2D fix, and the two others disagree in height: nobody can tell which of them is wrong.
     let verdict = once([GOOD, FLAT, high]);
     assert_eq!((verdict.agreeing(), altitude(&verdict), verdict.excluded), (2, None, 0));
     let verdict = once([GOOD.stating(1_400, 2_500), FLAT, high]);
     assert_eq!((verdict.members, altitude(&verdict)), (0b011, None), "whatever accuracies say");
-    // Two receivers agree in height and the third contradicts them, so it is excluded.
     let verdict = once([GOOD, GOOD, high]);
     assert_eq!((verdict.members, altitude(&verdict), verdict.excluded), (0b011, Some(512.345), 0b100));
     assert_eq!(altitude(&once([GOOD, FLAT, GOOD])), Some(512.345));
@@ -587,11 +580,11 @@ fn who_contradicts_a_quorum_of_altitudes_is_excluded_beside_members_without_one(
     let high = GOOD.raised(500.0);
     let verdict = once([FLAT, GOOD, GOOD, GOOD, high]);
     assert_eq!((verdict.members, altitude(&verdict), verdict.excluded), (0b01111, Some(512.345), 0b10000));
-    // Only two of the five receivers' altitudes agree, which is no quorum. So nobody can tell which one is right.
+    // Only two of five altitudes agree, so nobody can tell which altitude is right.
     let verdict = once([FLAT, FLAT, GOOD, GOOD, high]);
     assert_eq!((verdict.members, altitude(&verdict), verdict.excluded), (0b01111, None, 0));
-    // A receiver without an altitude contradicts no other. One that agrees with a member that has an altitude may still
-    // take part.
+    // A receiver without an altitude contradicts no other, and may vote if it agrees in position with a receiver that
+    // has one.
     let verdict = once([FLAT.moved(7.0, 0.0), FLAT.moved(4.0, 0.0), GOOD, GOOD, GOOD]);
     assert_eq!((verdict.members, verdict.excluded), (0b11110, 0));
     let verdict = once([FLAT, GOOD, GOOD, GOOD.raised(-7.0), GOOD.raised(9.0).stating(1_500, 100)]);
@@ -607,7 +600,6 @@ struct Flight {
 }
 
 impl Flight {
-    /// Returns a flight after one tick at the place where all flights begin.
     fn begun(now: u32) -> Self {
         let mut flight = Self { voter: Voter::new(), now };
         assert!(flight.is_shown(GOOD), "the first is shown");
@@ -624,7 +616,7 @@ impl Flight {
         self.tick(report).position.is_some()
     }
 
-    /// Returns for how many ms no position is shown after a jump of all receivers to this report.
+    /// Makes all receivers jump to this report. Returns for how many ms no position is shown after that.
     fn withheld(&mut self, report: Report) -> u32 {
         (0..).find(|_| self.is_shown(report)).expect("some time it is") * 10
     }
@@ -654,8 +646,8 @@ fn a_step_beyond_speed_and_accuracies_is_a_jump() {
     assert!(shown(GOOD.moved(0.0, 0.02 - reach)) && !shown(GOOD.moved(0.0, -0.02 - reach)));
     let (a, b) = (reach * 0.6, reach * 0.8);
     assert!(shown(GOOD.moved(a - 0.02, b - 0.02)) && !shown(GOOD.moved(a + 0.02, b + 0.02)));
-    // Two results may have different accuracies. The pairs include the least and the greatest step that accuracies
-    // allow.
+    // Two results may have different accuracies. Some of the pairs reach the least and the greatest step that can count
+    // as no jump.
     let between = |one: u32, other: u32, by: f64| {
         let mut flight = Flight { voter: Voter::new(), now: 0 };
         assert!(flight.is_shown(GOOD.stating(one, 2_500)));
@@ -711,7 +703,6 @@ fn what_is_held_back_must_continue_at_every_tick() {
     let mut flight = Flight::begun(0);
     (0..50).for_each(|_| assert!(!flight.is_shown(far)));
     assert_eq!(flight.withheld(farther), 1_000, "anew from a place that does not follow");
-    // While a jump is held back, the new place may move on without restarting the second.
     let mut flight = Flight::begun(0);
     let moving = |tick: i32| GOOD.moved(2_000.0 + 1.5 * f64::from(tick), 0.0);
     assert_eq!((0..).position(|tick| flight.is_shown(moving(tick))), Some(100));
@@ -748,15 +739,16 @@ fn an_altitude_that_jumps_is_held_back_by_itself() {
         assert_eq!((verdict.members, altitude(&verdict)), (0b111, None));
     }
     assert_eq!(altitude(&flight.tick(high)), Some(1_012.345));
-    // The greatest step in height that counts as no jump is 3 √2 · 2.505 m plus 2 m.
+    // The greatest step in height that is no jump is three deviations of the height's difference, 3 √2 · 2.505 m, plus
+    // 2 m of flight.
     let reach = 3.0 * 2.0_f64.sqrt() * 2.505 + 2.0;
     for sign in [1.0, -1.0] {
         for (by, shown) in [(reach - 0.01, true), (reach + 0.01, false)] {
             assert_eq!(altitude(&Flight::begun(0).tick(GOOD.raised(sign * by))).is_some(), shown, "{by}");
         }
     }
-    // While ticks have no altitude, the altitude shown last stays the reference, and the step allowed from it grows
-    // with the time.
+    // While the result has no altitude, the last altitude shown stays the reference for jumps, and the step allowed
+    // from it grows with the time.
     let mut flight = Flight::begun(0);
     (0..10).for_each(|_| assert_eq!(altitude(&flight.tick(FLAT)), None));
     assert_eq!(altitude(&flight.tick(GOOD.raised(33.0))), None);
@@ -771,8 +763,8 @@ fn a_place_and_an_altitude_that_jump_together_are_shown_together() {
     (0..100).for_each(|_| assert!(!flight.is_shown(far)));
     let position = flight.tick(far).position.expect("it has held");
     assert_eq!(position.altitude, Some(912.345));
-    // The new place has lasted for a second when an altitude first appears there. The altitude itself must still last
-    // for a second.
+    // An altitude first appears when the new place has lasted for a second. It must itself last for a second before it
+    // is shown.
     let mut flight = Flight::begun(0);
     let (flat, high) = (FLAT.moved(3_000.0, 0.0), GOOD.moved(3_000.0, 0.0).raised(900.0));
     (0..100).for_each(|_| assert!(!flight.is_shown(flat)));
@@ -848,7 +840,6 @@ fn anything() -> impl Strategy<Value = Report> {
     )
 }
 
-/// Draws a report that is wrong in one field or in all fields, by a little or by much.
 fn wrong() -> impl Strategy<Value = Report> {
     prop_oneof![
         anything(),

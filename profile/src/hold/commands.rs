@@ -4,9 +4,9 @@
 //!
 //! A command's sequence number is *new* if it is 1 to 32767 ahead of the last number that the hold acknowledged to the
 //! writer; 0 stands for that number at the hold's start. The hold acknowledges each command with a new number, whether
-//! it executed or refused the command, or found it unknown or too old. After that, neither the number nor one behind it
-//! is new. So a command is executed once at most and in order, whatever is lost, repeated, delayed or exchanged on the
-//! way. A writer's next number must follow the [acknowledged](super::Acknowledged) one.
+//! it executed or refused the command, or found it unknown or too old. From then on, this number and those behind it
+//! are not new. So a command is executed once at most and in order, even if uplinks are lost, repeated, delayed or
+//! reordered. A writer's next number must follow the [acknowledged](super::Acknowledged) one.
 //!
 //! # Age
 //!
@@ -17,8 +17,7 @@
 //! - A timestamp that is later than the writer's last one (by less than 2³¹ ms) is *fresh*.
 //! - The first timestamp after the hold's start, or one that is earlier than the writer's last, may belong to an old
 //!   uplink. A new command that comes with it waits for a later timestamp.
-//! - If a writer's timestamp has been the same for more than 1 s, it is too old, and so is a new command that comes
-//!   with it.
+//! - A timestamp that has been the same for more than 1 s is too old, and so is a new command that comes with it.
 //!
 //! The hold cannot tell how long the first uplink after a pause took to reach the DPR. The writer's own radio link must
 //! bound that delay.
@@ -31,7 +30,7 @@ use crate::{
     wire::{F32Le, U16Le, U32Le},
 };
 
-/// The size of a command, bytes: the beginning of an uplink's payload.
+/// The size of a command, bytes. A command is at the beginning of an uplink's payload.
 pub const COMMAND_SIZE: usize = size_of::<WireCommand>();
 
 /// The commands that a maker's hold accepts, as they are encoded on the wire.
@@ -147,9 +146,7 @@ pub(super) const fn is_newer(number: u16, than: u16) -> bool {
 
 /// The rule by which a hold executes each command once at most, with its state.
 ///
-/// The rule is in docs/design.md#commands-to-the-hold: a command's number must be new and its writer's timestamp fresh.
-/// A command that comes with the first timestamp after the hold's start, or with an earlier one, waits for a later
-/// timestamp. One that comes with a timestamp older than [`COMMAND_AGE_MS`] is acknowledged as too old.
+/// The rule is in docs/design.md#commands-to-the-hold.
 ///
 /// ```
 /// use profile::criticality::{BaseStation, Writer};
@@ -210,7 +207,7 @@ impl Commands {
     /// Executes each new command in `answer`, the base station's first, if its uplink is fresh. `now_ms` is the time
     /// since the hold's start. `execute` gets the writer and the command, and enforces the hold's limits.
     ///
-    /// The hold calls this for each answer. A missing or damaged uplink changes nothing.
+    /// To be called for each answer. A missing or damaged uplink changes nothing.
     pub fn take<C: Words>(&mut self, answer: &Answer, now_ms: u64, mut execute: impl FnMut(Function, C) -> Executed) {
         // Both uplinks are verified before either command is executed, so that the work does not depend on the
         // commands.

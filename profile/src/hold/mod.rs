@@ -45,7 +45,7 @@ pub use sender::{Sender, Sent};
 
 use crate::air;
 
-/// The time between two frames of the hold, ms, by which their timestamps differ.
+/// The time between two frames of the hold, ms. Their timestamps differ by this time.
 pub const PERIOD_MS: u32 = 100;
 
 /// The longest time from the end of the hold's frame to the start of the answer, µs. After it the hold stops waiting.

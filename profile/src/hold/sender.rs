@@ -31,7 +31,7 @@ pub enum Sent {
 pub struct Sender<W> {
     sent: Sent,
     command: [u8; COMMAND_SIZE],
-    /// The timestamp of the hold's last object, and the number of the command that it acknowledged.
+    /// The timestamp of the hold's last object, and the number of the command that this object acknowledges.
     hold: Option<(u32, u16)>,
     number: Option<u16>,
     writer: PhantomData<W>,

@@ -18,13 +18,13 @@
 //!
 //! Neither form of the empty request can be mistaken for a request of a window. Eight bytes 0x00 are no valid request,
 //! because the CRC of four bytes 0x00 is not 0. Eight bytes 0xFF have a valid CRC, but ask for 65535 bytes from offset
-//! 65535, and no map is that long. (0xFFFFFFFF XOR four bytes 0xFF is 0, of which the final XOR makes four bytes 0xFF.
-//! Bytes 0xFF have a valid CRC at no other length.)
+//! 65535, and no map is that long. (0xFFFFFFFF XOR four bytes 0xFF is 0, and the final XOR turns 0 into four bytes
+//! 0xFF. Bytes 0xFF have a valid CRC at no other length.)
 //!
 //! # Timing
 //!
-//! A flight controller must keep these bounds at the DPR's pins, behind the isolator. [`timing`] has the numbers as
-//! constants.
+//! A flight controller must keep the following bounds at the DPR's pins, behind the isolator. [`timing`] has the
+//! numbers as constants.
 //!
 //! | what | bound | source |
 //! |---|---|---|
@@ -35,7 +35,7 @@
 //! | MOSI valid before and after the SCK edge | ≥ 59 ns, ≥ 20 ns | same |
 //! | CSN rises to CSN falls | ≥ 10 µs | this project: see below |
 //!
-//! `docs/hardware.md` says which of these bounds were checked against the document again, and what they mean for
+//! `docs/hardware.md` says which bounds were checked against the product specification again, and what they mean for
 //! isolators.
 //!
 //! The DPR needs up to 10 µs after a transaction to accept the request and to pass the next buffer to its SPI
@@ -44,9 +44,9 @@
 //! margin.
 //!
 //! An isolator delays SCK on its way in and MISO on its way out. MISO must arrive before the flight controller samples
-//! it, half a period after the edge that shifted it out. So half a period is at least two passes of the isolator, the
-//! 19 ns, and the set-up time of the flight controller's input: [`timing::max_clock_hz`]. For optical isolators that
-//! frequency is well below 8 MHz.
+//! it, half a period after the edge that shifted it out. So half a period must be at least the sum of two delays of the
+//! isolator, the DPR's 19 ns, and the set-up time of the flight controller's input: [`timing::max_clock_hz`]. For
+//! optical isolators that frequency is well below 8 MHz.
 //!
 //! [`client`] is the flight controller's end of this protocol.
 use core::ops::Range;
@@ -68,9 +68,9 @@ pub mod timing {
     pub const CSN_HOLD_NS: u32 = 2_000;
     /// The shortest time for which CSN must be high so that the next transaction is answered, ns.
     pub const GAP_NS: u32 = 10_000;
-    /// The shortest time between the ends of two transactions, ns, so that the transaction after both is answered. It
-    /// is the time of a transaction of 96 bytes at [`MAX_CLOCK_HZ`] with the gap before it. So a flight controller that
-    /// reads at least 96 bytes always keeps it.
+    /// The shortest time from the end of one transaction to the end of the next, ns, so that the DPR answers the
+    /// transaction after them. It is the time of a transaction of 96 bytes at [`MAX_CLOCK_HZ`] with the gap before it.
+    /// So a flight controller that reads at least 96 bytes always keeps this bound.
     pub const SPACING_NS: u32 = GAP_NS + CSN_SETUP_NS + 96 * 8 * (1_000_000_000 / MAX_CLOCK_HZ) + CSN_HOLD_NS;
     /// The longest time from the SCK edge that shifts a bit out to that bit on MISO, ns.
     pub const MISO_VALID_NS: u32 = 19;

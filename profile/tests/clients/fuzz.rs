@@ -239,8 +239,7 @@ impl Drawn {
         [link.as_bytes().as_slice(), profile.as_bytes(), area.as_bytes(), &hold].concat()
     }
 
-    /// Returns the hold's bytes in the map. Mostly they are an object that follows the last one, with a command's
-    /// number near the last acknowledged one.
+    /// Returns random bytes of the hold's object in the map, mostly those of a plausible next object.
     fn hold(&mut self) -> Vec<u8> {
         self.hold_timestamp = match self.random.below(40) {
             0 => self.number(),
@@ -275,7 +274,6 @@ impl Drawn {
             1 => bytes.fill(0xFF),
             2 => bytes[46..].fill(5),
             3 => {
-                // The hold's object gets another identifier, outcome or undefined bit, and then a right CRC.
                 let at = self.pick(&[4, 5, 7, 50]);
                 bytes[at] ^= 1 << self.random.below(8);
                 reference::repair_frame_crc(&mut bytes);
@@ -305,7 +303,6 @@ impl Drawn {
             }
             5 => miso.resize(miso.len() + self.random.below(40), 0xFF),
             6 if miso.len() >= 96 => {
-                // The object gets another identifier or a wrong position CRC, and then a right frame CRC.
                 let at = self.pick(&[36, 40, 50, 57, 4, 5]);
                 miso[at] ^= 1 << self.random.below(8);
                 let object = if at < 32 { 0..32 } else { 32..96 };
@@ -336,8 +333,7 @@ fn two_hundred_thousand_random_transactions_are_the_same_to_both_clients() {
             invariants::report(&told);
             seen[usize::from(told.report.verdict as u8)] += 1;
         });
-        // Lines of the output are counted: how often Hold-Status was absent, old or valid, and in which states the last
-        // command was.
+        // The fuzz test counts the states of Hold-Status and of the last command, to show that it reaches all of them.
         for line in said.lines().filter(|line| line.starts_with("hold ") && line.contains(" age=")) {
             let (shown, sent) = (&line[..6], line.split_once(" sent ").expect("a report").1);
             *holds.entry(shown.to_owned()).or_default() += 1;

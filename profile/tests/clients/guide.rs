@@ -32,7 +32,7 @@ fn each_block_of_c_in_the_guide_compiles_without_a_warning() {
     }
 }
 
-/// Compiles C++ code for an autopilot, against declarations of what the code uses.
+/// Compiles the guide's C++ code for an autopilot, against stand-ins for the autopilot's own declarations.
 fn compile_for_autopilot(source: &Path, options: &[&str]) {
     let stubs = folder().join("tests/autopilots.hpp");
     let include = format!("-I{}", folder().display());
@@ -55,7 +55,7 @@ fn the_module_for_px4_compiles_against_what_it_uses_of_each_release() {
     let module = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/px4/src/drivers/horus_dpr/HorusDpr.cpp");
     let text = fs::read_to_string(&module).expect("the module");
     for (release, own_message) in [("115", false), ("116", false), ("118", true)] {
-        // These headers are empty, because one other file declares everything that the autopilot's code uses.
+        // The autopilot's headers are empty here: `autopilots.hpp` declares all that the code uses.
         let headers = scratch(&format!("px4-{release}"));
         let _ = fs::remove_dir_all(&headers);
         for line in text.lines().filter_map(|line| line.strip_prefix("#include <")) {

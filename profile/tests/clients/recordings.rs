@@ -295,8 +295,6 @@ fn busy_while_asking() -> Tape {
     let mut world = started::<3>(|world| world.port = port(false));
     world.ask(96, 60);
     world.write(Uplink::seal(Writer::<BaseStation>::claim(), &UplinkValues::default()).as_bytes());
-    // A busy DPR loses the client's request, so the client must repeat it. A DPR that is busy later must not make the
-    // client lose the requested window.
     for event in [Event::Busy, Event::Busy, Event::Good, Event::Busy, Event::Busy, Event::Good, Event::Good] {
         world.read(event);
         world.tape.view();
@@ -380,8 +378,8 @@ fn silent() -> Tape {
 fn clocks() -> Tape {
     let mut world = started::<3>(|world| world.fresh_is_wired = true);
     world.good(4);
-    // The flight controller makes no transactions for a while: first for fewer cycles than may be missed, then for
-    // longer.
+    // The flight controller pauses twice. The sequence continues after the pause of 200 ms, but not after that of 300
+    // ms.
     world.now_us += 200_000;
     world.good(3);
     world.now_us += 300_000;
@@ -393,13 +391,11 @@ fn clocks() -> Tape {
     world.tape
 }
 
-/// Records that an intact object in a requested window shows that the DPR answers, and that other bytes do not.
 fn windows_and_silence() -> Tape {
     let mut world = started::<3>(|world| world.port = port(true));
     let layout = Layout::for_receivers(3).expect("a profile");
     let mut places: Vec<_> = (0..=3).filter_map(|index| layout.in_image(index)).collect();
     places.extend([layout.port_status(), layout.uplink::<BaseStation>(), layout.uplink::<FlightController>()]);
-    // Two more windows are requested: Link-Status without Reported-Position, and a range without any whole object.
     places.extend([0..32, 33..95]);
     for place in places {
         for _ in 0..10 {
@@ -428,7 +424,6 @@ fn limits() -> Tape {
     for shown in [&map, &map, &next] {
         world.tape.transaction(world.now_us, NO_FRESH, &shown[..96]);
     }
-    // From here on the line FRESH is broken, so its last edge was long ago.
     for n in 32..40 {
         world.now_us += CYCLE_US;
         let map = world.map(n);

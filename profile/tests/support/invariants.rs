@@ -397,8 +397,8 @@ pub(crate) fn hold(input: &[u8]) {
     }
     let mut commands = Commands::new();
     let mut now_ms = 0;
-    // A step of the input has 129 bytes: the time since the step before, and an answer. If the lowest bit of the time
-    // is set, the answer's uplinks get right identifiers and CRCs.
+    // The input consists of steps of 129 bytes: the time since the last step, and an answer. If the lowest bit of the
+    // time is set, the answer's uplinks get right identifiers and CRCs.
     for step in input.as_chunks::<{ 1 + Answer::SIZE }>().0 {
         now_ms += u64::from(step[0] >> 1) * 16;
         let mut bytes = step[1..].to_vec();

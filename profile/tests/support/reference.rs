@@ -25,7 +25,6 @@ fn seals(polynomial: u32, bytes: &[u8], at: usize) -> bool {
     bytes[at..at + 4] == crc(polynomial, &bytes[..at]).to_be_bytes()
 }
 
-/// Returns the reason why `bytes` are not an object of this size and identifier; `None` if they are.
 pub(crate) fn object(bytes: &[u8], size: usize, identifier: u16) -> Option<Rejection> {
     if bytes.len() != size {
         Some(Rejection::Length)
@@ -46,7 +45,6 @@ pub(crate) fn object_of_profile(bytes: &[u8], index: usize) -> Option<Rejection>
     object(bytes, size, 0x4800 + u16::try_from(index).unwrap())
 }
 
-/// Puts the identifier of a profile's object number `index` and right CRCs into `bytes`.
 pub(crate) fn repair(bytes: &mut [u8], index: usize) {
     let identifier = 0x4800 + u16::try_from(index).unwrap();
     bytes[4..6].copy_from_slice(&identifier.to_le_bytes());

@@ -190,7 +190,6 @@ fn tapes() -> Seeds {
     tapes.map(|(name, tape)| (name.into(), tape.0)).into()
 }
 
-/// The input `valid` itself, and all the ways in which any object can be nearly valid.
 fn around(name: &str, valid: &[u8]) -> Seeds {
     let size = valid.len();
     let mut long = valid.to_vec();

@@ -1,8 +1,8 @@
 //! Tapes: a flight controller's actions and the DPR's answers, which a test plays to the client in Rust and in C.
 //!
-//! A tape is a row of steps; all numbers are little-endian. The client writes one line for each step, and more for a
-//! view; `profile/c/tests/tape.c` writes the same lines for the C client. Any bytes are a tape, which ends at an
-//! incomplete step.
+//! A tape is a row of steps; all numbers are little-endian. The client writes one line for each step, and several for a
+//! view of the read objects; `profile/c/tests/tape.c` writes the same lines for the C client. Any bytes are a tape; the
+//! tape ends at the first incomplete step.
 //!
 //! | first byte, modulo 10 | step | what follows it |
 //! |---|---|---|
@@ -32,7 +32,7 @@ use profile::{
 
 const MAX_MISO: usize = 1024;
 
-/// In the byte with the number of receivers, this bit says that there is a hold.
+/// The bit that says that the DPR has a hold, in the tape's byte with the number of receivers.
 const WITH_HOLD: u8 = 0x80;
 
 /// The instant of FRESH where that line is not wired. It lies in the future, so the client ignores it.
@@ -106,7 +106,6 @@ impl<'a> Rest<'a> {
     }
 }
 
-/// The number of a result in C, as `horus_dpr_result_t` defines it.
 fn code<T>(result: Result<T, Rejection>) -> u8 {
     match result {
         Ok(_) => 0,
@@ -120,8 +119,7 @@ fn code<T>(result: Result<T, Rejection>) -> u8 {
     }
 }
 
-/// Returns the number by which the C client states what it has read in place of an object, and the object if it is
-/// intact.
+/// Returns the C client's number for the state of an object that was read, and the object if it is intact.
 fn shown<T>(shown: Option<Shown<T>>) -> (u8, Option<T>) {
     match shown {
         None => (code::<()>(Err(Rejection::Length)), None),

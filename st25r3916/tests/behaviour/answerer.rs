@@ -29,7 +29,6 @@ fn next(rig: &mut Rig, answerer: &mut Answerer) -> AnswererEvent {
     rig.run(answerer, Step::Event(AnswererEvent::Listening))
 }
 
-/// Sends a frame of 64 bytes to the answerer and expects its delivery.
 fn receive(rig: &mut Rig, answerer: &mut Answerer) {
     let payload: Vec<u8> = (0..64).collect();
     rig.chip.frame(rig.chip.now + 200, &payload);
@@ -160,8 +159,8 @@ fn an_answer_whose_instant_has_passed_is_given_up() {
     assert_eq!(prepare(&mut rig, &mut answerer, &[1; 128]), AnswererEvent::Loaded);
     rig.log();
     receive(&mut rig, &mut answerer);
-    // Between the status and the unmasking comes a clear of the FIFO, which removes the first bytes of the answer that
-    // was given up.
+    // The listener clears the FIFO (DB) before it unmasks the receiver (D1), to remove the first bytes of the answer
+    // that was given up.
     assert_eq!(rig.log()[..3], ["59 00 00 00 00 00 00 00", "DB", "D1"]);
     assert!(rig.chip.sent.is_empty());
     works_again(&mut rig, &mut answerer);
@@ -291,7 +290,6 @@ fn a_fault_during_an_answer_leads_to_a_bring_up() {
                     step => step,
                 };
             };
-            // The next read of the status shows that the chip was reset and has taken none of the loaded bytes.
             assert_eq!(event, AnswererEvent::Fault(fault), "step {at}");
             rig.chip.miso = Miso::Driven;
             rig.chip.misuse.clear();

@@ -130,7 +130,6 @@ fn a_blocking_listener_receives_and_returns_when_nothing_comes() {
         let now = chip.0.borrow().now;
         let payload = vec![len as u8; len];
         chip.0.borrow_mut().frame(now + 3_000, &payload);
-        // The time limit of a call ends before the frame comes. The next call continues the wait.
         let mut calls = 0;
         let event = loop {
             calls += 1;

@@ -15,8 +15,8 @@ fn answered(recording: &str, head: &str) -> u8 {
     u8::from_str_radix(last, 16).expect("a hexadecimal byte")
 }
 
-/// Returns the public recording of every register of a real ST25R3916. `None` if it is not available, which a build
-/// server (`CI` set) does not allow.
+/// Returns the public recording of every register of a real ST25R3916. `None` if it is not available; on a build server
+/// (`CI` set) the test fails then.
 fn recording() -> Option<String> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../../shared/data/st25r3916-silicon/Read_All_Registers_SpaceA_B.txt");
@@ -37,7 +37,7 @@ fn the_register_table_agrees_with_what_real_silicon_answered() {
     assert_eq!(read(reg::IO_CONFIGURATION_1), reg::IO_1_NO_CLOCK);
     assert_eq!(read(reg::IO_CONFIGURATION_2), reg::IO_2_MISO | reg::IO_2_ANTENNA_TUNING);
     assert_eq!(read(reg::REGULATOR_CONTROL), reg::REGULATOR_ADJUSTED_MEASURE_VDD);
-    // The chip of the recording has its oscillator on (`en`) and its transmitter off (`tx_en`).
+    // The recorded chip has its oscillator on (`en`) and its transmitter off (`tx_en`).
     assert_eq!(read(reg::OPERATION_CONTROL) & (reg::OP_EN | reg::OP_TX_EN), reg::OP_EN);
     let display = read(reg::AUXILIARY_DISPLAY) & (reg::DISPLAY_OSC_OK | reg::DISPLAY_TX_ON);
     assert_eq!(display, reg::DISPLAY_OSC_OK);

@@ -26,7 +26,6 @@ fn ready(chip: Chip) -> (Rig, Exchange) {
     (rig, exchange)
 }
 
-/// Loads a frame of 64 bytes, after which the transmit command is due.
 fn load(rig: &mut Rig, exchange: &mut Exchange) {
     rig.payload = (0..64).collect();
     let step = exchange.prepare(64).expect("it is ready");
@@ -203,8 +202,6 @@ fn a_damaged_answer_is_delivered_with_its_flags() {
 
 #[test]
 fn a_second_answer_is_never_mixed_with_the_first() {
-    // The second answer begins within the first one, while the first one is read, while the receiver is masked, or
-    // later.
     let (mut whole, mut overrun) = (0, 0);
     for gap in (10..2_900).step_by(7) {
         let (mut rig, mut machine) = ready(Chip { end_masks_receiver: false, ..Chip::new(Variant::B) });
@@ -219,14 +216,15 @@ fn a_second_answer_is_never_mixed_with_the_first() {
                 assert_eq!(rig.buffer[1..=128], [1; 128], "{gap}");
                 whole += 1;
             }
-            // A second answer that begins during the status read at the first answer's end makes the first one seem too
-            // short.
+            // A second answer that begins while the status is read at the end of the first makes the first answer seem
+            // too short.
             event => {
                 assert!([OVERRUN, ExchangeEvent::NoAnswer(NoAnswer::Dropped(Dropped::Runt))].contains(&event), "{gap}");
                 overrun += u32::from(event == OVERRUN);
             }
         }
-        // A sync during the read of the answer empties the FIFO, which the stand-in counts as misuse by the driver.
+        // A sync that comes while the driver reads an answer empties the FIFO. The stand-in counts a read from an empty
+        // FIFO as misuse.
         rig.chip.misuse.clear();
         works_again(&mut rig, &mut machine);
     }
@@ -271,7 +269,6 @@ fn a_frame_without_its_transmit_interrupt_is_followed_by_its_window() {
 
 #[test]
 fn faults_within_the_window_are_told_and_recovered_from() {
-    // The fault occurs at step `at` of the exchange, counted from the transmit command.
     for at in 3..12 {
         for (fault, break_it) in [
             (Fault::Bus, (|rig: &mut Rig| rig.chip.miso = Miso::StuckHigh) as fn(&mut Rig)),
@@ -297,7 +294,7 @@ fn faults_within_the_window_are_told_and_recovered_from() {
             assert_eq!(event, ExchangeEvent::Fault(fault), "step {at}");
             assert_eq!((machine.state(), machine.poller_state()), (ExchangeState::Polling, PollerState::Faulted));
             rig.chip.miso = Miso::Driven;
-            // The driver has read an answer after the chip's oscillator had stopped, which the stand-in counts as
+            // The driver reads an answer after the stand-in's oscillator has stopped. The stand-in counts this read as
             // misuse.
             rig.chip.misuse.clear();
             works_again(&mut rig, &mut machine);
@@ -371,7 +368,6 @@ fn a_frame_is_prepared_only_between_exchanges() {
     load(&mut rig, &mut machine);
     assert!(!machine.is_ready());
     assert_eq!(machine.prepare(64), Err(SendError::NotReady));
-    // The owner may also give up a frame that is already loaded.
     assert_eq!(rig.run(&mut machine, Step::Event(ExchangeEvent::Loaded)), ExchangeEvent::Ready);
     assert!(machine.is_ready() && rig.chip.sent.is_empty());
     load(&mut rig, &mut machine);
@@ -392,7 +388,7 @@ fn an_answer_before_the_receiver_opens_is_not_received() {
 #[test]
 fn signals_outside_the_window_do_not_touch_the_frame() {
     let (mut rig, mut machine) = ready(Chip::new(Variant::B));
-    // An answer of another device comes while the frame is being loaded, and another one between the exchanges.
+    // Another device's answer comes while a frame is being loaded, and another one between two exchanges.
     rig.chip.at(rig.chip.now + 20, Happening::Sync);
     load(&mut rig, &mut machine);
     rig.chip.at(rig.chip.now, Happening::Sync);
@@ -437,8 +433,8 @@ fn load_and_fire(rig: &mut Rig, machine: &mut Exchange) -> bool {
 
 #[test]
 fn the_steps_to_the_transmit_command_are_always_the_same() {
-    // The steps and bytes from the preparation to the transmit command are recorded after four kinds of exchanges:
-    // after silence, a good answer, a damaged answer and an endless one.
+    // The test compares the bytes up to the transmit command after silence, after a good answer, after a damaged
+    // answer, and after an endless one.
     let mut ways = vec![];
     for kind in 0..4 {
         let (mut rig, mut machine) = ready(Chip::new(Variant::B));

@@ -315,7 +315,7 @@ fn only_few_bytes_are_left_to_read_at_a_frames_end() {
 #[test]
 fn the_last_early_read_leaves_a_byte_unless_another_arrives_meanwhile() {
     for (level, len) in [(1, None), (2, Some(1)), (23, Some(22)), (24, Some(24)), (25, Some(25))] {
-        // LEN announces only 40 + 2 bytes, so the last early read comes right after the first.
+        // A LEN of 40 makes the last early read follow right after the first.
         let mut listener = in_a_frame();
         let _ = listener.step(Input::Done(&status(0, 16)));
         let _ = listener.step(Input::Done(&[40; 15]));
@@ -458,7 +458,7 @@ fn a_sync_just_before_the_clear_costs_at_most_its_own_frame() {
                     assert_eq!(len, 120);
                     assert_eq!(rig.buffer[1..=120], payload(120, 2));
                 }
-                // The clear of the FIFO has damaged the frame, which the frame's flags show.
+                // The listener's command to clear the FIFO has damaged the frame. The frame's flags show the damage.
                 ListenerEvent::Frame { flags, .. } => assert!(flags.contains(FrameFlags::LENGTH)),
                 other => assert!(matches!(other, ListenerEvent::Dropped(_)), "{other:?}"),
             }
@@ -483,7 +483,7 @@ fn a_frame_without_end_is_dropped_6_ms_after_its_sync() {
             hears(&mut rig, &mut listener, 244);
             let log = rig.log();
             assert_eq!(log[0], "59 00 00 00 00 00 00 00");
-            // An empty FIFO needs no clear, so the recorded transfers may lack the clear.
+            // The listener need not clear an empty FIFO.
             assert!(log[1] == "D1" || log[1..3] == ["DB", "D1"], "{log:?}");
             assert_eq!(listener.counters().no_end, 1);
             rig.assert_no_misuse();
@@ -592,7 +592,7 @@ fn a_frame_broken_off_within_a_byte_keeps_the_bytes_before_it() {
     for config in BOTH {
         let (rig, listener) = listening(Chip::new(Variant::B), config);
         for whole in 0..sent.len() {
-            // The frame breaks off at every µs of a byte, and also while an early read reads the status.
+            // The frame breaks off at every µs within a byte, and also while the listener reads the status early.
             for into in 1..19 {
                 let (mut rig, mut listener) = (rig.clone(), listener.clone());
                 let over = rig.chip.raw_frame(rig.chip.now + 1_000, &sent[..whole], None);
@@ -662,7 +662,6 @@ fn the_field_coming_and_going_is_told() {
         hears(&mut rig, &mut listener, 244);
         rig.chip.at(rig.chip.now + 5_000, Happening::Irq(TIMER, EOF));
         assert_eq!(rig.listener(&mut listener), ListenerEvent::FieldOff);
-        // While the field is off for 0.4 s, the listener checks the chip and reports nothing.
         assert_eq!(rig.listener_within(&mut listener, 160), None);
         assert!(rig.chip.now > 400_000);
         assert_eq!(listener.counters().faults, 0);
@@ -716,7 +715,6 @@ fn a_change_of_field_without_its_interrupt_is_reported_within_25_ms() {
         assert_eq!(rig.listener(&mut listener), event);
         assert!(rig.chip.now - changed < 25_000, "{} µs", rig.chip.now - changed);
     }
-    // A reported state of the field is not reported a second time.
     assert_eq!(rig.listener_within(&mut listener, 100), None);
 }
 
@@ -846,13 +844,13 @@ fn a_frame_that_begins_while_an_idle_chip_is_checked_is_received() {
             let chip = Chip { db_clears_irqs, ..Chip::new(Variant::B) };
             let (mut rig, mut listener) = listening(chip, config);
             hears(&mut rig, &mut listener, 244);
-            // The sync comes at every µs of the check that follows 20 ms without a frame, and of the re-arming after
-            // the check.
+            // The sync of a frame comes at every µs of the check after 20 ms without a frame, and of the re-arming
+            // after that check.
             for sync in 19_950..20_150 {
                 let (mut rig, mut listener) = (rig.clone(), listener.clone());
                 let sent = payload(244, sync);
                 rig.chip.frame(rig.chip.now + sync as u64, &sent);
-                // This executor needs 4 µs from one step to the next.
+                // The stand-in's executor needs 4 µs from one step of the machine to the next.
                 let event = loop {
                     if let Some(event) = rig.listener_within(&mut listener, 1) {
                         break event;
@@ -861,7 +859,8 @@ fn a_frame_that_begins_while_an_idle_chip_is_checked_is_received() {
                 };
                 let ListenerEvent::Frame { len: 244, .. } = event else { panic!("{config:?}, {sync} us: {event:?}") };
                 assert_eq!(rig.buffer[1..=244], sent, "{config:?}, {sync} us");
-                // The last read has few bytes, which shows that the listener read the frame while it arrived.
+                // The last read of the FIFO is short, which shows that the listener read most of the frame while it
+                // arrived.
                 let left = rig.chip.log.iter().rev().find(|mosi| mosi[0] == 0x9F).unwrap().len() - 1;
                 assert!(config != FILLING || left <= TAIL - 2, "{left} bytes after the end, {sync} us");
                 rig.assert_no_misuse();
@@ -886,7 +885,7 @@ fn supervision_costs_nothing_while_frames_come() {
         rig.chip.frame(rig.chip.now + 5_000, &payload(244, cycle));
         assert!(matches!(rig.listener(&mut listener), ListenerEvent::Frame { .. }));
     }
-    // In every interval a frame came, so operation control, mode and bit rate are read only when their turn comes.
+    // A frame came in every supervision interval, so operation control, mode and bit rate are read only in their turn.
     assert_eq!(rig.log().iter().filter(|read| *read == "42 00 00 00").count(), 4);
 }
 
@@ -1025,8 +1024,6 @@ fn every_flipped_setting_is_told_within_one_rotation() {
                 rig.chip.flip(space, address, bit);
                 let mut frames = 0;
                 let fault = loop {
-                    // The chip receives a frame every 10 ms, unless the inverted bit makes it deaf. In both cases one
-                    // setting is read back in each cycle.
                     rig.chip.frame(rig.chip.now + 5_000, &payload(244, 1));
                     match rig.listener(&mut listener) {
                         ListenerEvent::Fault(fault) => break fault,
@@ -1078,11 +1075,10 @@ fn a_listener_that_hears_nothing_is_brought_up_anew_ever_more_rarely() {
             assert!((after * 9 / 10..=after + 20).contains(&waited), "{waited} ms");
             before = *instant;
         }
-        // The last bring-up came after the longest interval, so the interval does not grow any more.
+        // The last bring-up for silence came after the longest interval, so the interval does not grow any more.
         let instants = silences(&mut rig, &mut listener, 2, field);
         assert!((7_200..=8_020).contains(&(instants[1] - instants[0])), "{instants:?}");
         assert_eq!(rig.listener(&mut listener), ListenerEvent::Listening);
-        // A frame makes the interval the shortest again. The bring-up after it comes without a back-off.
         hears(&mut rig, &mut listener, 244);
         rig.chip.field(field);
         let instants = silences(&mut rig, &mut listener, 1, field);
@@ -1112,7 +1108,6 @@ fn no_back_off_of_earlier_faults_delays_the_bring_up_for_silence() {
 
 #[test]
 fn a_deaf_listener_notices_whatever_interrupts_come_without_a_frame() {
-    // There are three disturbances: a field that goes on and off, errors outside a frame, and frames that never end.
     for disturbance in 0..3 {
         let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
         let start = rig.chip.now;

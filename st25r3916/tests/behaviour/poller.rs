@@ -187,7 +187,6 @@ fn the_supply_is_measured_anew_at_every_bring_up() {
     assert_eq!(rig.chip.a[1], 0xBC);
     rig.assert_no_misuse();
 
-    // A bring-up that fails discards the measured supply of the bring-up before.
     rig.chip.supply_mv = 2_000;
     rig.chip.at(rig.chip.now, Happening::PowerUpReset);
     assert_eq!(rig.poller_next(&mut poller), PollerEvent::Fault(Fault::Reset));
@@ -711,7 +710,7 @@ fn a_chip_that_never_raises_i_txe_sends_every_frame_unconfirmed() {
             assert_eq!(rig.send(&mut poller, &payload), PollerEvent::Sent { confirmed: false });
             let (began, sent) = rig.chip.sent.last().unwrap();
             assert_eq!(*sent, payload);
-            // The event Sent must not come before the frame's last bit, nor too late to prepare the next frame.
+            // The event Sent must come after the frame's last bit, and early enough to prepare the next frame.
             let air = (48 + 16 + 8 * (len as u64 + 3)) * 3_200 / 1_356;
             let late = rig.chip.now - began - air;
             assert!((50..170).contains(&late), "{len} bytes: {late} µs after the last bit");

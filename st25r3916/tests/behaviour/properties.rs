@@ -25,7 +25,6 @@ enum Said {
     Send(usize),
 }
 
-/// Draws a byte. Bytes that a real chip sends are drawn more often than others.
 fn byte() -> impl Strategy<Value = u8> {
     prop_oneof![
         any::<u8>(),
@@ -66,7 +65,6 @@ fn poller_config() -> impl Strategy<Value = PollerConfig> {
         .prop_map(|(receiver, check_left_over, check_field)| PollerConfig { receiver, check_left_over, check_field })
 }
 
-/// Checks that a step of a machine is within the documented limits.
 fn check<E>(step: &Step<E>) {
     match *step {
         Step::Transfer(Transfer::Short(short)) => assert!((1..=8).contains(&short.bytes().len())),
@@ -89,7 +87,8 @@ fn answer<E>(step: &Step<E>, bytes: [u8; 8]) -> Vec<u8> {
     bytes.iter().copied().cycle().take(len).collect()
 }
 
-/// Gives the inputs to a machine, and returns the step for which it then waits. `send` prepares a frame or an answer.
+/// Gives the inputs to a machine, and returns the step for which the machine then waits. `send` prepares a frame or an
+/// answer.
 fn feed<M: Machine<Event: Copy>>(
     machine: &mut M,
     said: &[Said],
@@ -134,7 +133,7 @@ fn listens_again(rig: &mut Rig, machine: &mut Listener, mut step: Step<ListenerE
         step = machine.step(rig.input(given));
         check(&step);
         let whole = Step::Event(ListenerEvent::Frame { len: 244, flags: st25r3916::FrameFlags::empty() });
-        // An earlier frame may still be in the FIFO, and the listener may deliver it first.
+        // The FIFO may still hold an earlier frame, which the listener may deliver first.
         if step == whole && rig.buffer[1..=244] == payload {
             return true;
         }
@@ -149,7 +148,7 @@ fn sends_again(rig: &mut Rig, machine: &mut Poller, mut step: Step<PollerEvent>)
     rig.payload = vec![0xA5; 254];
     for _ in 0..400 {
         let given = match step {
-            // An earlier frame may still be loaded. The machine gives it up.
+            // The machine gives up an earlier frame that is still loaded.
             Step::Event(PollerEvent::Ready) => {
                 if rig.load(machine, 254) != PollerEvent::Loaded {
                     return false;
@@ -166,8 +165,8 @@ fn sends_again(rig: &mut Rig, machine: &mut Poller, mut step: Step<PollerEvent>)
     false
 }
 
-/// Carries out the outstanding `step`. Then runs exchanges, each answered with `answer`, until one succeeds, and
-/// returns how many failed before.
+/// Carries out the outstanding `step`, then runs exchanges that are answered with `answer` until one succeeds. Returns
+/// the number of failed exchanges before it.
 fn exchanges_again(rig: &mut Rig, machine: &mut Exchange, mut step: Step<ExchangeEvent>) -> Option<u32> {
     let answer = [0xC3; 128];
     rig.payload = vec![0xA5; 64];
@@ -225,7 +224,7 @@ fn answers_again(rig: &mut Rig, machine: &mut Answerer, mut step: Step<AnswererE
     false
 }
 
-/// What another sender puts on the air after the poller's frame.
+/// A signal that another sender puts on the air after the poller's frame.
 #[derive(Clone, Debug)]
 enum Heard {
     /// The bytes of a frame, and the error bits at its end; `None` for a frame without an end.
@@ -307,7 +306,7 @@ proptest! {
         let mut step = machine.step(Input::Start);
         for (place, value) in noise {
             let given = rig.carry_out(step);
-            // In about one response of eight a byte is replaced by one that the chip did not send.
+            // About one response in eight gets a byte that the chip did not send.
             let mut garbled = match rig.input(given) {
                 Input::Done(bytes) => bytes.to_vec(),
                 _ => Vec::new(),
@@ -402,8 +401,7 @@ proptest! {
         prop_assert!(matches!(event, ExchangeEvent::Answer { .. } | ExchangeEvent::NoAnswer(_)), "{:?}", event);
         let bound = u64::from(WINDOW_US + FRAME_US) + 600 + 4 * lateness;
         prop_assert!(rig.chip.now - end <= bound, "{} us", rig.chip.now - end);
-        // Other signals are still on the air, and must not disturb the next frame. The answer to that frame comes after
-        // them and is received.
+        // Other signals are still on the air, and must not disturb the next frame, whose answer comes after them.
         let ready = rig.run(&mut machine, Step::Event(event));
         prop_assert_eq!(ready, ExchangeEvent::Ready);
         let step = machine.prepare(64).expect("it is ready");

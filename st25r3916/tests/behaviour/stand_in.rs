@@ -20,18 +20,18 @@ pub(crate) const EON: u8 = 0x10;
 pub(crate) const EOF: u8 = 0x08;
 pub(crate) const CRC: u8 = 0x80;
 
-/// An event in the chip at a planned instant, which no access by the driver causes.
+/// An event in the chip at a planned instant. No access by the driver causes it.
 #[derive(Clone, Debug)]
 pub(crate) enum Happening {
     Irq(usize, u8),
     Measured(u8),
     /// The sync of a frame is received, if the receiver is on and unmasked.
     Sync,
-    /// A byte arrives of the frame whose sync was accepted.
+    /// A byte of the frame whose sync was accepted arrives.
     Byte(u8),
     /// The frame whose sync was accepted ends, with these error bits.
     End(u8),
-    /// The frame whose sync was accepted ends within a byte, of which this number of bits arrived.
+    /// The frame whose sync was accepted ends within a byte. This number of that byte's bits has arrived.
     BrokenByte(u8),
     /// The transmitter takes a byte out of the FIFO.
     Taken,
@@ -70,11 +70,8 @@ pub(crate) struct Chip {
     /// The time from the command for the supply measurement to I_dct and the result; `None`: I_dct never comes.
     pub(crate) measurement_us: Option<u64>,
     pub(crate) supply_mv: u32,
-    /// Whether the chip carries out transmit commands.
     pub(crate) transmits: bool,
-    /// Whether the end of a sent frame raises I_txe.
     pub(crate) transmit_ends: bool,
-    /// Whether the no-response timer raises I_nre.
     pub(crate) no_response_ends: bool,
     pub(crate) pin_stuck: bool,
     /// The number that the FIFO status adds to the right FIFO level.
@@ -224,7 +221,7 @@ impl Chip {
             && self.b[0x0C..=0x0D] == [0x54, 0x00]
     }
 
-    /// Whether a direct command is in progress whose end raises I_dct.
+    /// Whether a direct command that raises I_dct at its end is in progress.
     fn is_busy(&self) -> bool {
         self.schedule.values().any(|what| matches!(what, Happening::Irq(TIMER, 0x80)))
     }
@@ -653,7 +650,6 @@ impl Rig {
         self.poller(machine, Step::Event(PollerEvent::Ready))
     }
 
-    /// Loads and transmits one frame. Returns the event that follows.
     pub(crate) fn send(&mut self, machine: &mut Poller, payload: &[u8]) -> PollerEvent {
         self.payload = payload.to_vec();
         match self.load(machine, payload.len()) {

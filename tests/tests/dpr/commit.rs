@@ -23,7 +23,7 @@ use super::frames::{Case, CASES, CLASSES, SIZE};
 /// For each of the listener's three reads of its FIFO, the number of the frame's bytes, LEN included, that have
 /// arrived.
 const READS: [usize; 3] = [16, SIZE + 3 - st25r3916::listener::BODY, SIZE + 3 - st25r3916::listener::TAIL];
-/// The number of cycles before the cycle that is timed. The sequence is found with the fourth cycle.
+/// The number of cycles before the timed one. The fourth cycle finds the sequence.
 const CYCLES_BEFORE: u32 = 6;
 
 pub(crate) struct Own<'a, T>(pub(crate) &'a mut T);
@@ -49,7 +49,6 @@ impl Doorbell for Bell {
 
 type ImageBuffer<'a> = &'a mut ImageMemory;
 
-/// The resources that the commit task uses: images, areas and counters.
 struct Publishing<'a> {
     mailbox: Mailbox<ImageBuffer<'a>>,
     filling: Option<Filling<ImageBuffer<'a>>>,
@@ -186,7 +185,7 @@ pub(crate) fn frame(cycles: &Cycles) {
             defmt::assert_eq!((accepted, rejected), (shown, 4 * (CYCLES_BEFORE + 1) - shown), "{}", case);
             frame[case.class()].note(took);
 
-            // Here the whole commit task is timed. It commits the same frame from a receive buffer.
+            // The whole commit task is timed here, with the same frame in a receive buffer.
             let mut written = defmt::unwrap!(filling.take());
             // LEN comes after LEAD bytes, and so is the last byte of the first word.
             written.memory()[0] = u32::from(bytes[0]) << (8 * LEAD);

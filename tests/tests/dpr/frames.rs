@@ -6,7 +6,6 @@ use profile::{crc, Profile};
 
 pub(crate) const SIZE: usize = Profile::<RECEIVERS>::SIZE;
 pub(crate) const OBJECTS: usize = RECEIVERS + 1;
-/// The number of bytes of an object's CRC, which is the object's end.
 const CRC: usize = 4;
 /// The offset of the first byte of the latitude in every object.
 const LATITUDE: usize = 8;
@@ -59,7 +58,7 @@ pub(crate) const CASES: [Case; 20] = [
     Case::Restarted,
 ];
 
-/// The classes of frames, by what the sequence says of a frame.
+/// The classes of frames by the sequence's judgement.
 pub(crate) const CLASSES: [&str; 3] = ["in sequence", "out of sequence", "no object intact"];
 
 impl Case {

@@ -15,8 +15,7 @@ const FRAME: usize = SIZE + 3;
 /// The bits I_rxs and I_rxe of the main interrupts: sync detected, and end of a frame.
 const RXS: u8 = 0x20;
 const RXE: u8 = 0x10;
-/// The bits of the register FIFO status 2 by which the last byte is incomplete (fifo_lb), or its parity is missing
-/// (np_lb).
+/// The bits of the register FIFO status 2 that report an incomplete last byte (fifo_lb) or its missing parity (np_lb).
 const FIFO_LAST_BITS: u8 = 0x0F;
 /// The number of steps from the sync of a frame until the receiver is ready for the next one: five waits with a status
 /// read after each, four reads of the FIFO, the event, three transfers that make the receiver ready, and one that reads
@@ -45,7 +44,6 @@ fn step(listener: &mut Listener, input: Input<'_>) -> Step<ListenerEvent> {
     listener.step(input)
 }
 
-/// Returns a listener that has been set up and waits for a frame.
 fn listening(chip: &mut Chip) -> Listener {
     let mut listener = Listener::new(ListenerConfig::new());
     let mut next = listener.step(Input::Start);

@@ -96,7 +96,6 @@ struct Wires<'m, 'a, 'q> {
     area: Option<Filling<&'a mut ReceiveArea>>,
     areas: SsiEnd<'q, &'a mut ReceiveArea>,
     released: u32,
-    /// The values of the cycle counter when the events were taken, and when the buffers were released.
     begun_at: u32,
     released_at: u32,
     handed_over: Option<HandedOver>,
@@ -162,8 +161,8 @@ pub(crate) fn serve(cycles: &Cycles) {
         released_at: 0,
         handed_over: None,
     };
-    // The calls have three classes, by the next receive area: it is ready, the port task has just returned it, or there
-    // is none.
+    // There are three classes of calls: the next receive area is ready, the port task has just returned it, or there is
+    // none.
     let mut released = [Taken::NONE; 3];
     let mut whole = [Taken::NONE; 3];
     let mut granted = 0;
@@ -172,8 +171,8 @@ pub(crate) fn serve(cycles: &Cycles) {
             let mut server = Server::<LEN>::new();
             port.mosi = black_box(bytes);
             let took = cycles.of(|| server.serve(&mut port, Own(&mut mailbox), &telemetry));
-            // Before the first call of each request, all receive areas were used up and then returned. So that call is
-            // in the second class.
+            // The first call of each request comes just after all receive areas were used up and returned, so it is in
+            // the second class.
             let class = match port.handed_over {
                 Some(HandedOver::Waits) if number == 0 => 1,
                 Some(HandedOver::Waits) => 0,

@@ -27,13 +27,11 @@ const STATUS_READ: u8 = 0x59;
 const TXE: u8 = 0x08;
 const RXS: u8 = 0x20;
 const RXE: u8 = 0x10;
-/// The number of bytes of an answer in the FIFO: LEN, payload and CRC-16.
 const ANSWERED: u8 = Answer::SIZE as u8 + 3;
 
 struct Wires {
     started: Option<Short>,
     loads: u32,
-    /// The bytes that the last transfer has clocked in from the chip, and their number.
     response: ([u8; Short::MAX], usize),
     /// What a read of the FIFO brings: LEN, then the answer.
     fifo: [u8; Answer::SIZE + 1],
@@ -107,8 +105,8 @@ fn respond(link: &mut Link<'_, Wires>, chip: &mut Chip, interrupts: &mut impl It
     }
 }
 
-/// Times `Link::offer`, each `Link::poll` and `Ticket::is_due` in cycles in which both writers send a command, and adds
-/// up all that the tasks of a cycle do.
+/// Times `Link::offer`, each `Link::poll` and `Ticket::is_due` in cycles in which both writers send a command. Also
+/// adds up all that the tasks of a cycle do.
 pub(crate) fn exchange(cycles: &Cycles) {
     let telemetry = Telemetry::new();
     let (mut hold, answer) = commanded(HoldCommand::SetPoint(30.0), &telemetry);
@@ -147,7 +145,6 @@ pub(crate) fn exchange(cycles: &Cycles) {
                 sum += cycles.of(|| hold.command(&answer, tick, &telemetry));
                 answered = true;
             }
-            // The chip is prepared for the next frame.
             if answered && link.port().started.is_none() && link.port().read.is_none() {
                 break;
             }

@@ -7,7 +7,6 @@ use on_target_tests::cycles::{bounds, Cycles, Taken};
 /// The memory of this suite that stands for the firmware's: as many words as some passes need, and the guard words.
 static mut RAM: [u32; 64] = [0; 64];
 
-/// Times slices until each pass has ended several times.
 pub(crate) fn slices(cycles: &Cycles) {
     let ram = &raw const RAM as u32;
     let guards = [0, 2, 4, 6, 8].map(|word| ram + 4 * word);

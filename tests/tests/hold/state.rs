@@ -96,7 +96,6 @@ pub(crate) fn keep(cycles: &Cycles) {
     taken.assert("Keeper::take", bounds(480, 380, 1_350, 8));
 }
 
-/// Fills the uplink of role `W` in `answer` with what `sender` has to say at `tick`.
 fn fill<W: WritesUplink>(answer: &mut Answer, sender: &Sender<W>, writer: Writer<W>, tick: u32) {
     let mut values = UplinkValues { timestamp: 80 * tick, ..UplinkValues::default() };
     sender.fill(&mut values.payload);
@@ -135,7 +134,6 @@ pub(crate) fn command(cycles: &Cycles) {
         |command| commanded(*command, &telemetry),
         |_, (hold, answer)| hold.command(answer, 4, &telemetry),
     );
-    // Each of the four inputs runs twice, each time with a command of each writer.
     defmt::assert_eq!((telemetry.commands_done.get(), telemetry.commands_refused.get()), (12, 4));
     taken.assert("Hold::command, one of each writer", bounds(1_600, 1_200, 4_600, u32::MAX));
     let taken = cycles.over_prepared(

@@ -31,7 +31,6 @@ enum Started {
 
 struct Wires {
     started: Option<Started>,
-    /// The bytes that the last transfer has clocked in from the chip, and their number.
     response: ([u8; Short::MAX], usize),
     /// Whether the next read of the interrupt pin finds it high. Later reads find it low.
     irq: bool,
@@ -157,7 +156,6 @@ pub(crate) fn cycle(cycles: &Cycles) {
         note(&mut slot, cycles.of(|| transmitter.slot(black_box(Slot { frame: 0, fired: Some(0) }))));
         defmt::assert_eq!(transmitter.port().loads, 2 * tick);
         settle(&mut transmitter, &mut chip, TXE);
-        // This slot has no ticket, so it fires nothing.
         note(&mut skipped, cycles.of(|| transmitter.slot(black_box(Slot { frame: 0, fired: None }))));
         defmt::assert!(transmitter.take_fault().is_none());
         defmt::assert_eq!(telemetry.frames_sent.get(), tick);

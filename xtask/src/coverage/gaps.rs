@@ -13,7 +13,7 @@ use super::paths::doomed;
 use super::source::{Origin, Place, Source};
 use super::twins;
 
-/// The sources that decide, as beginnings of their paths.
+/// The path prefixes of the sources that decide.
 const DECIDING: [&str; 13] = [
     "profile/src/",
     "horus-tx-fw/voter/src/",
@@ -30,7 +30,7 @@ const DECIDING: [&str; 13] = [
     "firmware-common/src/patrol/",
 ];
 
-/// The sources of the path with deadlines, as beginnings of their paths.
+/// The path prefixes of the sources with deadlines.
 const DEADLINE: [&str; 11] = [
     "dpr-fw/src/publish/",
     "dpr-fw/src/triple/",

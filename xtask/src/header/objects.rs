@@ -1,4 +1,4 @@
-//! Measures the objects' fields, at the offsets that `profile` uses, and writes them as C structures of bytes.
+//! Measures the fields of the objects at their offsets in `profile`, and writes them as C structures of bytes.
 
 use std::fmt::Write as _;
 
@@ -14,7 +14,7 @@ use profile::{
 
 pub(super) const COMMAND_RESERVED: usize = CommandObject::SIZE - 12 - 4;
 
-/// Values for the fields. Their bytes occur nowhere else in an object.
+/// Values of fields whose bytes occur nowhere else in an object.
 const U16: u16 = 0x5AC3;
 const U32: u32 = 0xA1B2_C3D4;
 const F32: f32 = f32::from_bits(0x41A1_B2C3);
@@ -30,7 +30,7 @@ pub(crate) enum Kind {
     Axes,
     Counts,
     Acknowledged,
-    /// A status word. In C the names of its bits begin with this prefix.
+    /// A status word, with the prefix of its bits' names in C.
     Status(&'static str),
     Word,
     Bytes,
@@ -122,7 +122,7 @@ impl Object {
         Self { name, title, identifiers, names, size, fields: vec![] }
     }
 
-    /// Adds the field in which `sealed` holds `value`. The bytes of `value` must occur only once.
+    /// Adds a field, at the only place where the object `sealed` has the bytes of `value`.
     fn field(
         mut self,
         name: &'static str,
@@ -232,7 +232,7 @@ pub(super) fn structs() -> Result<String> {
     Ok(all()?.iter().map(Object::structure).collect())
 }
 
-/// Adds the fields of a value type. To find a field, an object is sealed in which only that field is set.
+/// Adds the fields of a value type. Each is found in an object in which only that field is set.
 macro_rules! fields {
     ($object:ident, $blank:expr, $seal:expr; $($name:ident: $value:expr, $unit:literal, $what:literal;)*) => {
         $object$(.field(
@@ -283,7 +283,7 @@ fn reported() -> Result<Object> {
     let blank = ReportedValues::absent(0);
     let all = ReportedStatus::from_bits(u16::MAX);
     let status = ReportedPosition::seal(&ReportedValues { status: all, ..blank });
-    // Latitude and longitude get values here. If they were unknown, the CRCs could seem to cover other fields.
+    // The CRCs are found later, when latitude and longitude are known fields.
     let sealed = ReportedPosition::seal(&ReportedValues { latitude: F64, longitude: -F64, ..blank });
     let axes = [F32, -F32, F32 + 1.0];
     let accelerated = ReportedPosition::seal(&ReportedValues { acceleration: axes, ..blank });

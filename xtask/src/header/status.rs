@@ -15,7 +15,7 @@ use super::defines;
 /// The bit's name, mask and meaning.
 type Bit = (&'static str, u16, &'static str);
 
-/// The way in which a code of several bits is read.
+/// The meaning of the value in a status word's code of several bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Code {
     Number,
@@ -47,7 +47,7 @@ pub(crate) struct Word {
 pub(crate) struct Enumeration {
     pub(crate) name: &'static str,
     pub(crate) title: &'static str,
-    /// The beginning of the name in C, after HORUS_DPR_, of each value of an enumeration.
+    /// The prefix of the enumeration's values in C, after HORUS_DPR_.
     prefix: &'static str,
     pub(crate) values: Vec<(&'static str, u8, &'static str)>,
 }

@@ -84,7 +84,7 @@ pub(super) fn description() -> Result<String> {
     Ok(serde_json::to_string_pretty(&description)? + "\n")
 }
 
-/// Returns the code that stands for the age of a solution that never was.
+/// Returns the code for the age of a solution if there never was one.
 pub(super) fn never() -> u16 {
     let age = GpsStatus::new().with_solution_age_ms(None).bits();
     age >> age.trailing_zeros()

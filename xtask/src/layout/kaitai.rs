@@ -112,7 +112,7 @@ fn structure(object: &Object, words: &[Word]) -> String {
                 None => format!("(status & 0x{mask:04x}) != 0"),
                 Some(_) => format!("(status & 0x{mask:04x}) >> {shift}"),
             };
-            // The prefix `status_` is needed, because a field and a bit of Port-Status have the same name.
+            // The prefix `status_` distinguishes a bit of Port-Status from the field of the same name.
             let _ = writeln!(text, "      status_{}:\n        value: {value}", name.to_lowercase());
             if let Some(Code::Enumeration(name)) = code {
                 let _ = writeln!(text, "        enum: {name}");

@@ -13,7 +13,7 @@ use crate::header::status::{self, Bits, Code, Word};
 
 pub(super) const PATH: &str = "docs/design.md";
 
-/// Returns the page with its tables replaced. Fails if it lacks one, or has a table that nothing writes.
+/// Returns the page with new tables. Fails if a table is missing on the page, or is unknown.
 pub(super) fn refreshed(page: &str) -> Result<String> {
     let tables = tables()?;
     let marks = page.matches("<!-- table: ").count();
@@ -70,7 +70,7 @@ fn named<'a>(number: &str, rows: impl IntoIterator<Item = (String, &'a str, &'a 
     })
 }
 
-/// Returns units as this page writes them; the comments of the C header are in ASCII.
+/// Returns the text with the symbols that this page uses for units; the comments of the C header are in ASCII.
 fn symbols(text: &str) -> String {
     let text = text.replace("over all before", "over all bytes before");
     text.replace("m/s2", "m/s²").replace("100 us", "100 µs").replace("degrees Celsius", "°C")
@@ -199,7 +199,7 @@ fn writer(identifier: Identifier) -> Result<&'static str> {
     })
 }
 
-/// Returns the places of the map, with offsets as functions of the number n of receivers.
+/// Returns the places of the map, with their offsets as functions of the number n of receivers.
 fn map() -> Result<String> {
     let [one, .., most] = Layout::ALL.map(Layout::with_hold);
     let (first, last) = (places(one)?, places(most)?);

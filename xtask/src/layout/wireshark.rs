@@ -1,5 +1,5 @@
-//! Writes the dissector for Wireshark: `dissector.lua`, which is written by hand, around the description in JSON, which
-//! becomes a table of Lua.
+//! Writes the dissector for Wireshark. `dissector.lua`, which is written by hand, has a place for a table of Lua. The
+//! description in JSON becomes that table.
 
 use anyhow::{Context, Result, ensure};
 use serde_json::Value;

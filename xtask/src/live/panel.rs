@@ -2,9 +2,9 @@
 //!
 //! The panel is at a separate address, and affects the base station only through the faults.
 //!
-//! **Access.** Any page in a browser on this machine can send requests to the panel. So a change is refused unless the
-//! browser names the panel's own page as its origin (`Origin`, or `Sec-Fetch-Site` if there is none), and requests to
-//! another name of this machine are refused altogether ([`page::guarded`]).
+//! **Access.** A page in a browser on this machine may send requests to any address on it. So the panel accepts a
+//! change only if the browser names the panel's own page as its origin (`Origin`, or else `Sec-Fetch-Site`). It refuses
+//! all requests to another name of this machine ([`page::guarded`]).
 
 use std::io;
 use std::net::SocketAddr;
@@ -28,7 +28,7 @@ pub(super) struct Panel {
 
 impl Panel {
     fn inner(&self) -> MutexGuard<'_, panel::Panel> {
-        // A poisoned lock is ignored: a thread that panicked while it held the lock has left no partial change behind.
+        // A poisoned lock is ignored, because no change is left incomplete by a panic.
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -105,7 +105,7 @@ fn is_from_here(headers: &HeaderMap) -> bool {
     }
 }
 
-/// Answers `POST /break?what=CODE&seconds=N`: begins a fault. Without seconds it lasts until the user ends it.
+/// Answers `POST /break?what=CODE&seconds=N`: begins a fault. Without seconds the fault lasts until the user ends it.
 async fn break_thing(State(panel): State<Panel>, headers: HeaderMap, RawQuery(query): RawQuery) -> Response {
     if !is_from_here(&headers) {
         return (StatusCode::FORBIDDEN, "this is for the panel's own page").into_response();

@@ -16,8 +16,7 @@ use super::*;
 /// The time from power-on until HORUS's clock starts, s. HORUS checks its flash and sets up in 8 to 9 ms.
 const HORUS_STARTS: f64 = 0.008_5;
 
-/// Both firmwares for three receivers. If they were not built, prints a message and, where the environment has `CI`,
-/// fails the test.
+/// Returns both firmwares for three receivers; `None` and a message if they were not built. In CI the test fails then.
 fn images() -> Option<Images> {
     let folder = std::env::var_os("LINK_IMAGES").map(|folder| PathBuf::from(folder).join("gps-3"));
     if let Some(folder) = folder.filter(|folder| folder.is_dir()) {
@@ -77,7 +76,7 @@ fn the_page_shows_the_aircrafts_true_position_and_link_status() {
     let outcome = page.run(&setup).unwrap();
     assert_eq!(outcome.report.violations, [""; 0]);
     let shown = page.settle();
-    // About three messages are sent at the flight's start, and then three every 100 ms.
+    // Three messages are sent every 100 ms, and about three more at the start.
     assert!(shown.is_whole() && (57..=63).contains(&shown.sent), "{shown:?}");
 
     let drone = &state(page.server.address())["drone"];
@@ -269,7 +268,7 @@ fn a_fault_from_the_panel_is_one_gapless_chain_of_episodes() {
     assert!(episodes.len() > 15 && joined(&episodes), "{episodes:?}");
     command(server.address(), "/well?what=silent-2");
     assert_eq!(fly(200..300), [], "the last one comes to its end");
-    // A fault that the panel injects must end before the run does.
+    // A fault of the panel ends before the run does.
     command(server.address(), "/break?what=field");
     let episodes = fly(300..600);
     assert!(joined(&episodes) && episodes.last().unwrap().1 == 59_400_000_000, "{episodes:?}");
@@ -292,12 +291,12 @@ fn a_board_hangs_once_its_watchdog_runs_and_not_without_a_supply() {
         faults.episodes().iter().filter(of_hang).map(|episode| episode.at - piece * PIECE).collect()
     };
     assert_eq!(hangs(10, &["hang-dpr", "hang-horus"]), [AHEAD_NS; 2]);
-    // The DPR hangs already. Its next hang is delayed until the watchdog has had 190 ms to restart the board.
+    // The DPR hangs, so its next hang is delayed by the 190 ms in which the watchdog restarts it.
     assert_eq!(hangs(11, &["hang-dpr"]), [AHEAD_NS + HANG_LENGTH.0 - PIECE]);
     assert_eq!(hangs(20, &["hang-dpr", "reset-dpr"]), [AHEAD_NS + WATCHDOG_STARTS]);
     assert!(hangs(30, &["off-dpr&seconds=1"]).is_empty());
     assert_eq!(hangs(35, &["hang-dpr", "hang-horus"]), [AHEAD_NS], "HORUS alone has a supply");
-    // The DPR's supply returns at the instant of the request. So the hang is delayed until the watchdog runs.
+    // The DPR's supply has just come back, so the hang is delayed until the watchdog runs.
     assert_eq!(hangs(40, &["hang-dpr"]), [AHEAD_NS + WATCHDOG_STARTS]);
     assert_eq!(hangs(50, &["hang-dpr"]), [AHEAD_NS]);
 }
@@ -324,8 +323,7 @@ fn the_track_in_the_browser_is_within_a_metre_of_the_truth() {
         let [north, east, _] = TangentPlane::new(was).to_ned(shown);
         north.hypot(east)
     };
-    // The displayed position is compared with the aircraft's at the time that the page shows. It may be older by up to
-    // a period of the forwarder.
+    // The displayed position may be older than the displayed time by up to a period of the forwarder.
     let degrees = |text: String| -> f64 {
         let (number, side) = text.split_once("° ").unwrap();
         number.parse::<f64>().unwrap() * if matches!(side, "S" | "W") { -1.0 } else { 1.0 }

@@ -11,8 +11,7 @@ use probe_rs::probe::{DebugProbe, DebugProbeError, ProbeCreationError, ProbeFact
 use super::*;
 use crate::Receivers;
 
-/// Returns a new board that no other test uses, and its ELF file; `None` with a message if the firmwares were not
-/// built.
+/// Returns a new board of the bench and its ELF file; `None` and a message if the firmwares were not built.
 fn board(board: Board) -> Option<(BenchBoard, PathBuf)> {
     static COUNT: AtomicUsize = AtomicUsize::new(0);
     let Some(folder) = std::env::var_os("LINK_IMAGES").map(PathBuf::from) else {
@@ -60,7 +59,7 @@ fn a_new_dpr_board_needs_a_full_erase_before_writing() {
     assert!(on.kept().iter().all(|&byte| byte == 0xFF), "nothing was written");
     assert_eq!(flash(&on, Board::Dpr, &elf, true), Ok(()));
     assert!(holds(&on, &elf, 0));
-    // The kept memory has UICR behind the flash. This word is UICR.APPROTECT.
+    // UICR follows the flash in the kept memory. This word of it is UICR.APPROTECT.
     assert_eq!(on.kept()[(1 << 20) + 0x208..][..4], [0x5A, 0, 0, 0]);
 }
 
@@ -71,8 +70,7 @@ fn a_running_dpr_board_is_written_again_without_a_full_erase() {
     on.switch_off_and_on();
     on.run(500_000_000);
     assert_eq!(flash(&on, Board::Dpr, &elf, false), Ok(()));
-    // All restarts are soft resets: the watchdog, which continues after a soft reset, is fed while the flash algorithm
-    // runs.
+    // The watchdog, which a soft reset does not stop, was fed while the flash algorithm ran.
     let restarts = on.restarts();
     assert!(restarts.len() >= 2 && restarts.iter().all(|why| why.ends_with("by software")), "{restarts:?}");
     assert!(holds(&on, &elf, 0));

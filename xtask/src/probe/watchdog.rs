@@ -1,17 +1,17 @@
-//! Keeps the firmwares' watchdogs from resetting a board while a probe uses it. Halting the core does not stop them.
+//! Keeps a firmware's watchdog from resetting a board while a probe uses the board. A halt of the core does not stop
+//! the watchdog.
 //!
-//! Both firmwares start a watchdog of 100 ms with their first instructions. The library halts the core for about as
-//! long when it attaches, and again when it loads its flash algorithm into RAM. Without this module the watchdog would
-//! reset the board in one of these steps. The firmware would then run again unnoticed, the step would never end, and
-//! the library would report a time-out.
+//! Both firmwares begin with the start of a watchdog of 100 ms. The library halts the core for about that time when it
+//! attaches, and when it loads its flash algorithm. A reset by the watchdog would let the firmware run again during
+//! such a step, which would then end with a time-out.
 //!
 //! | part | measure | reason |
 //! |---|---|---|
 //! | nRF52840 | fed between the probe's transfers ([`fed`]) | soft resets do not end it, nothing stops it (PS v1.7) |
 //! | STM32F429 | a halt stops it (DBG_IWDG_STOP) | a reset ends it; HORUS clears that bit (RM0090, 38.16.4) |
 //!
-//! The core is halted before the watchdog is handled, because a running or half-written firmware would undo the
-//! measure.
+//! The core is halted before the watchdog is handled, because a running or half-written firmware would undo what is
+//! done to the watchdog.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -57,8 +57,8 @@ pub(super) fn target(board: Board) -> Result<Target> {
     Ok(target)
 }
 
-/// Makes the probe feed an nRF52840's watchdog between its transfers. Returns the probe and the handle that ends the
-/// feeding. A probe with which the library does not make single transfers is returned unchanged.
+/// Makes the probe feed an nRF52840's watchdog between its transfers. Returns the probe, and the handle that ends the
+/// feeding. A probe without single transfers is returned unchanged.
 pub(super) fn fed(mut probe: Box<dyn DebugProbe>) -> (Box<dyn DebugProbe>, Feeding) {
     let feeding = Feeding(Arc::new(AtomicBool::new(true)));
     if probe.try_as_dap_probe().is_none() {
@@ -67,7 +67,7 @@ pub(super) fn fed(mut probe: Box<dyn DebugProbe>) -> (Box<dyn DebugProbe>, Feedi
     (Box::new(Fed { probe, feeding: feeding.clone(), select: None, is_word: false, passed: 0 }), feeding)
 }
 
-/// Whether the watchdog is fed. Feeding must end before the firmware runs without the library.
+/// Whether the watchdog is fed. The feeding must end before the firmware runs without the library.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Feeding(Arc<AtomicBool>);
 
@@ -91,17 +91,16 @@ const SIZE: u32 = 7;
 /// The value of [`SIZE`] for accesses of a word.
 const WORD: u32 = 2;
 
-/// The number of writes of TAR after which the watchdog is fed. Each write comes with at least one transfer of data. If
-/// a probe takes 1 ms for a command, between 40 ms and 100 ms pass from one feeding to the next.
+/// The number of writes of TAR from one feeding of the watchdog to the next. Each write comes with one or more
+/// transfers of data. With 1 ms for a command, 40 ms to 100 ms pass between two feedings.
 const FEED_EVERY: u32 = 16;
 
-/// The probe that [`fed`] returns. It feeds the watchdog just before the library writes TAR of the AHB-AP, so TAR need
-/// not be restored.
+/// A probe that feeds the watchdog just before the library writes TAR of the AHB-AP, so that TAR need not be restored.
 #[derive(Debug)]
 struct Fed {
     probe: Box<dyn DebugProbe>,
     feeding: Feeding,
-    /// The last value written to SELECT, which selects the access port and its bank.
+    /// The last value of SELECT, with the access port and its bank.
     select: Option<u32>,
     is_word: bool,
     passed: u32,
@@ -241,7 +240,7 @@ impl DebugProbe for Fed {
     }
 }
 
-/// The library's sequence of steps for a chip, with the watchdog handled between the steps.
+/// The library's steps for a chip, with the care for the watchdog between them.
 #[derive(Debug)]
 struct Watched {
     board: Board,
@@ -284,7 +283,7 @@ impl ArmDebugSequence for Watched {
         for _ in 0..HALTS {
             memory.write_word_32(DHCSR, HALT)?;
             self.see_to(&mut *memory)?;
-            // The core runs again if a reset came after the request to halt it.
+            // A reset may have come after the request to halt the core.
             if memory.read_word_32(DHCSR)? & S_HALT != 0 {
                 return Ok(());
             }

@@ -1,11 +1,12 @@
 //! Small changes of the sources, each of which a named test must find.
 //!
-//! The table is `docs/safety/mutants.md`. A row has the mutant's name, the requirements that it breaks, the file, the
-//! item (a function or a constant), the text that is replaced, its replacement, and the name of the test that fails, or
-//! `constant assertion`, which keeps the copy from compiling. The replaced text must occur once in the item.
+//! The table is `docs/safety/mutants.md`. A row has the mutant's name, the broken requirements, the file, the item (a
+//! function or a constant), the replaced text, its replacement, and the name of the test that must fail. `constant
+//! assertion` in place of a test means that the mutant must not compile. The replaced text must occur exactly once in
+//! the item.
 //!
-//! `cargo xtask trace --mutants` makes a copy of the workspace below the target folder and applies one change at a
-//! time. The test must pass before, and fail with the change.
+//! `cargo xtask trace --mutants` makes a copy of the workspace below the target folder and applies the changes one by
+//! one. The test must pass without the change, and fail with it.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -19,7 +20,7 @@ use crate::workspace::{cargo, root, target_dir, tracked};
 
 /// The table of mutants.
 pub(super) const TABLE: &str = "docs/safety/mutants.md";
-/// The name of the finder of a mutant that does not compile.
+/// The name in place of a test, for a mutant that does not compile.
 const ASSERTION: &str = "constant assertion";
 
 /// A mutant.
@@ -42,7 +43,6 @@ impl Mutant {
         Some(Self { breaks: ids(&format!("{breaks}."))?, name, file, item, old, new, found_by })
     }
 
-    /// Returns whether this evidence finds the mutant.
     pub(super) fn is_found_by(&self, evidence: &Evidence) -> bool {
         match evidence.kind {
             Kind::Test => evidence.name == self.found_by,
@@ -51,7 +51,7 @@ impl Mutant {
         }
     }
 
-    /// Returns the `text` of the file with the change.
+    /// Returns the text of the file with the mutant's change.
     pub(super) fn applied(&self, text: &str) -> Result<String> {
         let Self { name, file, item, old, new, .. } = self;
         ensure!(old != new, "mutant {name} changes nothing");
@@ -80,7 +80,6 @@ impl Mutant {
     }
 }
 
-/// Returns whether `line` begins the function, constant or static of this name.
 fn is_item(line: &str, name: &str) -> bool {
     let named = |(before, after): (&str, &str)| {
         let own = before.split_whitespace().all(|word| word.starts_with("pub") || ["const", "unsafe"].contains(&word));
@@ -94,7 +93,6 @@ fn copy_folder() -> PathBuf {
     target_dir().join("mutants")
 }
 
-/// Writes a file of the copy unless it already has these contents.
 fn write_changed(path: &Path, bytes: &[u8]) -> Result<()> {
     if fs::read(path).is_ok_and(|found| found == bytes) {
         return Ok(());
@@ -103,7 +101,7 @@ fn write_changed(path: &Path, bytes: &[u8]) -> Result<()> {
     fs::write(path, bytes).with_context(|| format!("could not write {}", path.display()))
 }
 
-/// What cargo builds to run a piece of evidence: the package's folder, and the target's selection.
+/// The arguments for cargo to build a piece of evidence: the package's folder, and the selection of the target.
 type Suite = (PathBuf, Vec<String>);
 
 /// The suite that has this evidence.
@@ -127,8 +125,8 @@ fn suite(evidence: &Evidence) -> Result<Suite> {
     Ok((folder.to_owned(), vec!["--test".into(), target]))
 }
 
-/// Builds a suite in the copy and runs its tests of these names, or only builds it if there are none. Returns whether
-/// all of that succeeded, and what was said. Nothing is optimised, since building takes longer than running.
+/// Builds a suite in the copy and runs its tests of these names; without names it only builds. Returns whether that
+/// succeeded, and the output. Nothing is optimised, because building takes longer than running.
 fn cargo_test((folder, target): &Suite, names: &[&str]) -> Result<(bool, String)> {
     let mut command = cargo();
     command.args(["test", "--manifest-path"]).arg(copy_folder().join(folder).join("Cargo.toml")).args(target);
@@ -149,12 +147,11 @@ fn last(text: &str) -> String {
     lines[lines.len().saturating_sub(9)..].join(" / ")
 }
 
-/// The name by which cargo selects a piece of evidence; none for a constant assertion.
 fn names(evidence: &Evidence) -> Vec<&str> {
     if evidence.kind == Kind::Assertion { vec![] } else { vec![&evidence.name] }
 }
 
-/// Tries a mutant. It is an error if its evidence does not fail.
+/// Applies a mutant's change in the copy. It is an error if the evidence does not fail.
 fn attempt(mutant: &Mutant, finder: &Evidence) -> Result<()> {
     let Mutant { file, found_by, .. } = mutant;
     let text = fs::read_to_string(root().join(file)).with_context(|| format!("could not read {file}"))?;
@@ -169,7 +166,6 @@ fn attempt(mutant: &Mutant, finder: &Evidence) -> Result<()> {
     Ok(())
 }
 
-/// Tries the named mutants, or all if none is named.
 pub(super) fn run(trace: &Trace, names: &[String]) -> Result<ExitCode> {
     let unknown = names.iter().find(|name| !trace.mutants.iter().any(|mutant| mutant.name == **name));
     ensure!(unknown.is_none(), "there is no mutant {}", unknown.map_or("", String::as_str));

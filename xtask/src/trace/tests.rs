@@ -1,7 +1,7 @@
 use super::*;
 
-/// A trace without a gap: one requirement of each kind of evidence. Each `^` is removed, so that this file does not
-/// itself hold what its tests trace.
+/// A trace without a gap that has each kind of evidence once. Each `^` is removed, so that this file itself is no
+/// evidence.
 struct Small {
     requirements: &'static str,
     sources: Vec<(&'static str, &'static str)>,
@@ -39,7 +39,6 @@ impl Small {
         Trace::of(self.requirements, &sources, &self.defects, self.mutants)
     }
 
-    /// Returns the same input with another text of the source at `path`.
     fn with(mut self, path: &str, text: &'static str) -> Self {
         self.sources.iter_mut().filter(|(name, _)| *name == path).for_each(|(_, old)| *old = text);
         self

@@ -11,7 +11,7 @@ use sha2::{Digest, Sha256};
 use super::*;
 use crate::{Cli, Command};
 
-/// The page's folder. If it was not built, prints a message and, where the environment has `CI`, fails the test.
+/// Returns the page's folder; `None` and a message if it was not built. In CI the test fails then.
 fn folder() -> Option<PathBuf> {
     let folder = std::env::var_os("LINK_WEB").map(PathBuf::from).filter(|folder| folder.join("bench.wasm").is_file());
     if folder.is_none() {
@@ -22,7 +22,6 @@ fn folder() -> Option<PathBuf> {
     folder
 }
 
-/// Serves the files of a folder as any server of static files does, until the process ends.
 fn serve(folder: PathBuf) -> SocketAddr {
     let listener = TcpListener::bind(("127.0.0.1", 0)).unwrap();
     let address = listener.local_addr().unwrap();
@@ -61,7 +60,7 @@ fn answer(mut stream: std::net::TcpStream, folder: &Path) {
     let _ = stream.write_all(head.as_bytes()).and_then(|()| stream.write_all(&bytes));
 }
 
-/// A browser that has opened the page with this query.
+/// A browser with the page.
 struct Page {
     tab: Tab,
     origin: String,
@@ -81,7 +80,7 @@ impl Page {
         self.tab.eval("window.flightStep ?? null")
     }
 
-    /// Ends the test: nothing was requested from elsewhere, and nothing went wrong.
+    /// Ends the test, and asserts that the page loaded nothing from elsewhere and had no error.
     fn close(mut self) {
         assert_eq!(self.tab.text("#failure"), "");
         assert_eq!(self.tab.troubles(), [""; 0]);
@@ -103,7 +102,7 @@ fn a_flight_with_a_hold_is_the_command_lines_byte_for_byte() {
     flies_as_the_command_line("hold", "--seed 3 --faults hold,chips --seconds 5 --hold");
 }
 
-/// Opens the page called `name` on the flight of the command `xtask sim` with `options`, and compares the outcomes.
+/// Asserts that the page called `name` has the outcome of `xtask sim` with these options.
 fn flies_as_the_command_line(name: &str, options: &str) {
     let address = options.replace(" --", "&").replace(' ', "=").replace("--", "?");
     let Some(mut page) = Page::open(name, &format!("{address}&pace=0")) else { return };
@@ -127,8 +126,7 @@ fn flies_as_the_command_line(name: &str, options: &str) {
     page.close();
 }
 
-/// The number of times that the page is opened for its speed. The fastest counts, because other work on the machine
-/// delayed it least.
+/// The number of times that the page is opened for its speed. The fastest counts, because other work delayed it least.
 const OPENED: usize = 3;
 
 #[test]
@@ -202,7 +200,7 @@ fn the_wires_show_the_transactions_of_100_ms() {
            ticks: wiresSeen.changes[0].filter(([, level]) => level).length, \
            frames: wiresSeen.changes[1].filter(([, level]) => level).length })",
     );
-    // A tick and a frame in each 10 ms, and the flight controller reads every 4 ms.
+    // Each 10 ms have one tick and one frame, and the flight controller reads every 4 ms.
     assert_eq!((&seen["ticks"], &seen["frames"], &seen["falls"]), (&10.into(), &10.into(), &25.into()), "{seen}");
     assert!(seen["bytes"].as_u64().unwrap() > 25 * 200, "{seen}");
     page.close();

@@ -5,8 +5,8 @@
 //! later timestamp, until Hold-Status acknowledges its number. One command is under way for each drone. A command that
 //! is given up after [`GIVES_UP_US`], or that meets a restart of the hold, is lost: it was executed once or not at all.
 //! The first Hold-Status that does not continue the earlier ones ends the repetition, since it may be of a hold that
-//! restarted and no longer knows what it acknowledged.
-//! If its acknowledgement still comes, the command's state changes once more.
+//! restarted and no longer knows what it acknowledged. If the command is acknowledged after that, its state changes
+//! once more.
 //!
 //! The hold acknowledges numbers and does not know which station sent one. So only one station commands a drone's hold.
 //! A station that has just started first waits for [`SETTLES_US`]. Otherwise the hold could acknowledge an uplink of

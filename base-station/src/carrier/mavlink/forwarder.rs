@@ -8,7 +8,7 @@
 //!   answer to an uplink ([`inbound`](super::inbound)), {Port-Status, uplink}. Hold-Status is alone. A missing object
 //!   is left out, or is zeros if it is between others.
 //! - Each message is sent once a period. If the budget does not suffice, Reported-Position is sent before every one of
-//!   the other messages, which take turns.
+//!   the other messages. The others take turns.
 //! - An object that is unchanged in the next image is not sent again.
 //!
 //! The budget fills by the permitted bytes per second, up to the bytes of a tenth of a second or of one message,
@@ -25,7 +25,7 @@ use super::standard;
 use super::tunnel::Tunnel;
 use crate::{Bundle, Place};
 
-/// The objects that share a message: the first object, and their number.
+/// The objects that share a message: the first object, and the number of objects.
 const UNITS: [(Place, usize); 6] = [
     (Place::LinkStatus, 2),
     (Place::Gps(1), 2),
@@ -181,7 +181,7 @@ impl Forwarder {
             let fresh = |place: Place| self.newest[place.index()].is_some_and(|newest| newest.fresh);
             now_us >= self.due_us[unit] && self.places(unit).any(fresh)
         };
-        // The message without Reported-Position that has been due longest has the first turn.
+        // Among the messages without Reported-Position, the one that has been due longest has the first turn.
         let others = (1..UNITS.len()).filter(|unit| is_due(*unit)).min_by_key(|unit| self.due_us[*unit]);
         let unit = match others {
             Some(unit) if self.others_turn || !is_due(0) => unit,

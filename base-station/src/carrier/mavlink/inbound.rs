@@ -5,8 +5,8 @@
 //! that station and drone share. Messages that are not signed, are for another system, are replayed, or hold no intact
 //! uplink of the base station are counted and not written.
 //!
-//! Messages may be lost in both directions, so the base station repeats the object until an answer comes. The object is
-//! written once, and again only while the DPR does not show it.
+//! Messages may be lost in both directions, so the base station repeats the object until an answer comes. The flight
+//! controller writes the object once, and writes it again only while the DPR does not show it.
 //!
 //! **The answer** is Port-Status and the uplink, from the DPR's map. Each message with the uplink gets one answer: at
 //! once if the DPR shows the uplink, and otherwise [`SHOWN_AFTER_US`] after the uplink was passed on to be written. The
@@ -31,7 +31,7 @@ pub const SHOWN_AFTER_US: u64 = 40_000;
 pub struct Counts {
     /// The number of times that an uplink was passed on to be written over the SSI.
     pub written: u64,
-    /// The number of messages with an uplink that the DPR already showed when they came.
+    /// The number of messages whose uplink the DPR already showed when the message came.
     pub repeated: u64,
     /// The number of signed messages for another system, or without an intact uplink of the base station.
     pub foreign: u64,
@@ -48,7 +48,8 @@ pub struct Inbound {
 }
 
 impl Inbound {
-    /// Returns the state of a flight controller with this system id, which accepts messages that `verifier` accepts.
+    /// Returns the state of a flight controller with this system id. The state accepts messages that `verifier`
+    /// accepts.
     #[must_use]
     pub fn new(system: u8, verifier: Verifier) -> Self {
         let receiver = Receiver::new(Some(verifier));
@@ -62,7 +63,7 @@ impl Inbound {
         self.take(now_us, &received)
     }
 
-    /// Processes the next bytes of a stream. Apart from that, it is like [`datagram`](Self::datagram).
+    /// Processes the next bytes of a stream, like [`datagram`](Self::datagram).
     pub fn stream(&mut self, now_us: u64, unix_us: u64, bytes: &[u8]) -> Option<Uplink> {
         let received = self.receiver.stream(unix_us, bytes);
         self.take(now_us, &received)

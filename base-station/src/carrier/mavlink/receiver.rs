@@ -159,7 +159,7 @@ impl Receiver {
 }
 
 enum Begin {
-    /// The bytes do not show yet whether they are a message.
+    /// Further bytes are needed to tell whether these bytes are a message.
     Short,
     /// The bytes are no message, or a TUNNEL with a wrong checksum.
     None { bad_crc: bool },

@@ -10,8 +10,8 @@
 //! | GPS_RAW_INT | position and fix; accuracies unknown, satellites unknown |
 //! | ATTITUDE | attitude, if it is valid; rates 0 |
 //!
-//! The objects' altitudes are above the ellipsoid, MAVLink's above mean sea level. Their separation (up to 100 m) is
-//! not known here, so `alt` is 0: evidently wrong rather than wrong by 50 m.
+//! The objects' altitudes are above the ellipsoid, MAVLink's above mean sea level. The distance of these two surfaces
+//! (up to 100 m) is not known here, so `alt` is 0: evidently wrong rather than wrong by 50 m.
 //!
 //! GLOBAL_POSITION_INT is not sent: ground stations take it from any component as the vehicle's own position, and would
 //! move the map to an altitude of 0.

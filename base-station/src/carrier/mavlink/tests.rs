@@ -183,7 +183,6 @@ fn rates(receivers: usize, bytes_per_s: u32) -> (u32, u32, usize) {
     (tenths(counts[1]), tenths(rarest), bytes / SECONDS as usize)
 }
 
-/// The forwarder must send at the rates in the table of decision 17.
 #[test]
 fn the_table_of_rates_in_the_decision_is_right() {
     let text = include_str!("../../../../docs/decisions/0017-carriers-to-the-base-station.md");
@@ -347,7 +346,6 @@ fn noise() -> impl Strategy<Value = Vec<u8>> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 100, ..ProptestConfig::default() })]
 
-    /// The receiver finds every whole message, and nothing else, in a stream with foreign bytes that is cut anywhere.
     #[test]
     fn a_stream_is_read_whatever_is_between_and_however_it_is_cut(
         noises in prop::collection::vec(noise(), 1..12),

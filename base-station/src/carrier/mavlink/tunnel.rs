@@ -2,7 +2,7 @@
 //!
 //! The `mavlink` crate's own TUNNEL refuses all payload types that are not registered, so this module defines the
 //! message again; framing, CRC and signature are that crate's. The layout, the identifier 385 and CRC_EXTRA 147 are
-//! those of `common.xml`, with which a test compares them.
+//! those of `common.xml`. A test compares them with that file.
 
 use mavlink::dialects::common::MavMessage;
 use mavlink::error::ParserError;

@@ -19,8 +19,8 @@
 //!
 //! Until [`ANSWERS_US`] after the uplink was first sent, Port-Status may be the answer to an earlier uplink.
 //!
-//! **A command to a hold** begins the payload of uplinks, each with a later timestamp. It excludes uplinks of users,
-//! whose payload the hold could take for a command as well.
+//! **A command to a hold** begins the payload of uplinks, each with a later timestamp. A station that sends commands
+//! sends no uplinks of users, because the hold could take their payload for a command.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -159,7 +159,7 @@ pub struct Voice {
 }
 
 impl Voice {
-    /// Returns a sender of messages with this system id, which sends nothing yet; `signer` signs its messages.
+    /// Returns a sender of messages with this system id; `signer` signs the messages. The sender sends nothing yet.
     #[must_use]
     pub const fn new(system: u8, signer: Option<Signer>) -> Self {
         let (heartbeat, uplinks, commander, sealed) = (None, None, None, None);

@@ -7,7 +7,7 @@
 //! **Pushed.** Server-sent events come at most every [`PUSH`]. Each has a whole state, made when the connection can
 //! accept it. So a slow reader gets fewer states, never old ones, and no queue grows. The first state of a connection
 //! includes the drone's last ten minutes ([`history`](crate::station::history)), at most 150 kB. A browser allows six
-//! connections to one host, so its tabs share one (`stream.js`).
+//! connections to one host, so the tabs of a browser share one connection (`stream.js`).
 //!
 //! **Nothing from elsewhere.** HTML, style and script are in the binary, and the content security policy allows no
 //! others. A request's Host must be this machine's name or, if the station listens on another address, an address in
@@ -76,7 +76,7 @@ impl From<SocketAddr> for Access {
 
 impl Access {
     /// Returns the access of a page that requires the login `user:password`. HTTP's Basic scheme does not encrypt the
-    /// login; that takes a proxy with TLS before the page.
+    /// login. Encryption needs a proxy with TLS before the page.
     #[must_use]
     pub fn with_login(self, login: &str) -> Self {
         Self { login: Some(format!("Basic {}", BASE64_STANDARD.encode(login))), ..self }
@@ -190,7 +190,8 @@ fn json(page: &Page, drone: Option<&str>, asked: &str, with: With) -> String {
     let playback = page.player.as_ref().map(|player| {
         let (first_us, last_us) = player.span_us();
         let seconds = |us: u64| us.saturating_sub(first_us) as f64 / 1e6;
-        // The number of changes is read before the instant, so that the state includes every change that it counts.
+        // The number of changes is read before the instant, so every change in that number has already had its effect
+        // on the instant.
         let changes = player.changes();
         let now_us = player.now_us();
         Playback { speed: player.speed(), at_s: seconds(now_us), length_s: seconds(last_us), changes, now_us }

@@ -1,14 +1,14 @@
 //! Compares the objects that the base station shows with those that the flight controller forwarded.
 //!
-//! The flight controller has to forward a profile at once when a transaction reads it complete and intact, unless it
-//! has already forwarded that cycle. While [`Excuse::Service`] holds, it need not forward profiles.
+//! When a transaction reads a profile complete and intact, the flight controller has to forward this profile at once,
+//! unless it has already forwarded that cycle. While [`Excuse::Service`] holds, it need not forward profiles.
 //!
 //! # One cause, one violation
 //!
 //! - If bytes change on the way to the base station, only [`Violation::BaseChanged`] is reported, and not also a
 //!   missing profile.
 //! - If the base station shows objects of several cycles as one profile, only [`Violation::BaseMixed`] is reported. If
-//!   the flight controller already read these objects together, another rule reports its transaction.
+//!   the flight controller already read this mixture from the DPR, another rule reports that transaction.
 //! - In a profile that mixes cycles, the base station may leave objects out, and none is reported as missing.
 
 use std::collections::VecDeque;
@@ -29,7 +29,7 @@ pub struct Base {
     read: VecDeque<Vec<u8>>,
     /// The profiles on their way, each with the instant, ns, at which it was forwarded.
     outstanding: VecDeque<(u64, Vec<u8>)>,
-    /// The instants, ns, at which profiles arrived that the flight controller had not forwarded.
+    /// The instants, ns, of the arrivals of profiles that the flight controller had not forwarded.
     strange: VecDeque<u64>,
     /// The instant, ns, and the timestamp, ms, of the profile that has to be forwarded at once.
     owed: Option<(u64, u32)>,
@@ -134,7 +134,7 @@ impl Base {
         }
     }
 
-    /// Reports each profile that was forwarded before `until` and did not arrive, neither intact nor changed.
+    /// Reports each profile that was forwarded before `until` and has not arrived, not even with changed bytes.
     fn expire(&mut self, until: Option<u64>, findings: &mut Findings) {
         let Some(until) = until else { return };
         while let Some((at, _)) = self.outstanding.pop_front_if(|(at, _)| *at < until) {
@@ -143,7 +143,6 @@ impl Base {
                 findings.add(Violation::BaseMissed, at, || "it did not arrive".into());
             }
         }
-        // A changed profile that arrived before `until` belongs to none of the profiles forwarded later.
         while self.strange.pop_front_if(|strange| *strange < until).is_some() {}
     }
 }

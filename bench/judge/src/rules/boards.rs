@@ -28,9 +28,9 @@
 //!
 //! # A board that hangs
 //!
-//! If the bench stops a board's core, the board's watchdog must restart the board within the watchdog's longest time,
-//! unless the board restarts for another reason or loses its supply first. That restart is no violation. Until it
-//! comes, misuse of the board's front end is not reported.
+//! If the bench stops a board's core, the board's watchdog must restart the board within the watchdog's longest time.
+//! This is not required if the board restarts for another reason or loses its supply first. The watchdog's restart is
+//! no violation. Until it comes, misuse of the board's front end is not reported.
 //!
 //! A board with a dead task ([`Disturbance::DeadTask`]) is judged like a board that hangs, with two differences. Its
 //! watchdog may be fed once more, because the dead task may have checked in just before. Misuse of its front end is
@@ -86,8 +86,8 @@ pub struct Boards {
     restarted: Option<(Board, u64)>,
     /// The instant, ns, by which each hung board must have restarted; `None` after a late restart was reported.
     restart_due: [Option<u64>; 2],
-    /// For each board, how long its core has been stopped, ns, and the instant, ns, since which it is stopped at
-    /// present.
+    /// For each board, two values: how long its core has been stopped in all, ns, and the instant, ns, since which it
+    /// is stopped at present.
     stopped: [(u64, Option<u64>); 2],
     field: bool,
     /// The last whole frame that HORUS sent, until the frame reaches the antenna.
@@ -246,8 +246,8 @@ impl Boards {
     }
 }
 
-/// Returns the longest time, ns, until the watchdog restarts a board that began to hang `after_start` ns after its
-/// start.
+/// Returns the longest time, ns, until the watchdog restarts a board that hangs. The hang began `after_start` ns after
+/// the board's start.
 const fn watchdog_longest(board: Board, after_start: u64) -> u64 {
     match board {
         Board::Horus if after_start < bounds::WATCHDOG_FED => bounds::FIRST_WATCHDOG_LONGEST,
@@ -256,7 +256,6 @@ const fn watchdog_longest(board: Board, after_start: u64) -> u64 {
     }
 }
 
-/// Returns the longest processor time, ns, of a board's start.
 const fn start_work(board: Board) -> u64 {
     match board {
         Board::Horus => bounds::HORUS_START_WORK,
@@ -549,7 +548,6 @@ mod tests {
         assert_eq!(broken(&events), []);
     }
 
-    /// Returns the violations of a run in which both firmwares count faults and which `change` has changed.
     fn complaining(change: impl FnOnce(&mut Events)) -> Vec<Violation> {
         let mut events = run();
         events.add(100 * MS, counter(Board::Horus, "rf_faults", Some(1)));
@@ -657,7 +655,6 @@ mod tests {
                     *whole = false;
                 }
             }
-            // HORUS sends a whole frame after the frame that broke off.
             let bytes = events.events.iter().find_map(|event| match &event.what {
                 What::Sent { bytes, .. } => Some(bytes.clone()),
                 _ => None,

@@ -51,7 +51,7 @@ struct Read {
 #[derive(Clone, Copy, Debug)]
 struct First {
     timestamp: u32,
-    /// The instant, ns, at which the transaction began that first read the sample.
+    /// The beginning, ns, of the transaction that first read the sample.
     selected: u64,
     /// The earliest instant, ns, at which FRESH can have announced the sample to the client.
     announced: u64,
@@ -72,7 +72,6 @@ impl First {
 struct Row {
     /// The timestamp of the last sample, ms.
     timestamp: u32,
-    /// The instant, ns, at which the transaction began that first read the last sample.
     selected: u64,
     count: u32,
 }
@@ -138,7 +137,6 @@ impl Rule for Client {
 }
 
 impl Client {
-    /// Adds the sample read last to the series of valid samples, or begins a new series with it.
     fn follow(&mut self) {
         let Some(Read { selected, sample: Some((timestamp, valid)), .. }) = self.read else { return };
         let row = self.row.filter(|row| selected <= row.selected + bounds::EXPIRY);
@@ -263,7 +261,7 @@ mod tests {
         read_as(log, selected, (selected - sampled(n)) / AGE_UNIT, n, valid, position, age);
     }
 
-    /// Does what [`read`] does, with the age `told` in Link-Status, in Link-Status's unit.
+    /// Logs a transaction like [`read`], with the age `told` (in units of Link-Status) in Link-Status.
     fn read_as(
         log: &mut Events,
         selected: u64,
@@ -285,8 +283,6 @@ mod tests {
         found(Client::new(&header(1)), &log.log()).0
     }
 
-    /// Returns the violations if the client reads cycle 1 `after` its sample was taken, ns, and states this position
-    /// and age.
     fn once(after: u64, valid: bool, position: Option<u64>, age: Option<u64>, more: &[(u64, What)]) -> Vec<Violation> {
         let mut log = Events::new(1);
         heard(&mut log, 1, valid);
@@ -334,8 +330,6 @@ mod tests {
 
     #[test]
     fn a_sample_older_than_the_last_read_needs_no_age() {
-        // Cycles 1 and 2 arrive. One transaction reads a cycle with its right age, and the next reads a cycle with an
-        // age of zero.
         let then = |first: u64, next: u64| {
             let mut log = Events::new(1);
             (1..=2).for_each(|n| heard(&mut log, n, true));
@@ -353,7 +347,6 @@ mod tests {
             let mut log = Events::new(1);
             heard(&mut log, 1, true);
             read_as(&mut log, sampled(1) + 20 * MS, first / AGE_UNIT, 1, true, Some(1), Some(first));
-            // The second transaction reads the sample of the first again, but its Link-Status states an age of 400 ms.
             read(&mut log, sampled(1) + 24 * MS, 1, true, Some(1), Some(age));
             let last = log.events.iter_mut().rfind(|event| matches!(event.what, What::Transaction { .. }));
             let What::Transaction { miso, .. } = &mut last.unwrap().what else { unreachable!("it is one") };
@@ -368,15 +361,12 @@ mod tests {
 
     #[test]
     fn the_client_may_count_the_younger_age_that_link_status_reported() {
-        // The client reads the sample 10 ms after it was taken, 4 ms after FRESH rose. It uses the sample until 1 ms
-        // beyond the age limit.
         let flown = |fresh: &[u64], told: u64, last: u64| {
             let (first, limit) = (sampled(1) + 10 * MS, bounds::CLIENT_AGE_LIMIT + bounds::CLIENT_AGE_SHORT);
             let mut log = Events::new(1);
             heard(&mut log, 1, true);
             fresh.iter().for_each(|at| _ = log.add(*at, What::Fresh { high: true, offered: None }));
             read_as(&mut log, first, told, 1, true, Some(1), Some(10 * MS));
-            // The client then reads an image without objects, and goes on using the position that it read before.
             let at = sampled(1) + limit + MS;
             let link = LinkStatus::seal(&LinkValues::default());
             log.add(
@@ -388,7 +378,6 @@ mod tests {
         };
         let fresh = sampled(1) + 6 * MS;
         let wrong = vec![Violation::ClientWrong];
-        // In the first case Link-Status states the true age of 6 ms, in the others less.
         assert_eq!(flown(&[fresh], 60, 1), wrong);
         assert_eq!(flown(&[fresh], 47, 1), []);
         assert_eq!(flown(&[fresh], 48, 1), wrong, "not young enough");
@@ -419,8 +408,6 @@ mod tests {
         let with = |change: fn(u64) -> (u64, bool)| run(&(1..=finds).map(change).collect::<Vec<_>>(), true);
         assert_eq!(with(|n| (n, n != 3)), [], "one is not valid");
         assert_eq!(with(|n| (n + u64::from(n > 3), true)), [], "one is missing");
-        // Returns the violations if the last sample is read `by` later than the others, and Link-Status always states
-        // the age `told`, in its unit.
         let late = |by: u64, told: u64| {
             let mut log = Events::new(1);
             for n in 1..=finds {

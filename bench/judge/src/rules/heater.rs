@@ -13,18 +13,19 @@ use crate::{Context, Event, Findings, Header, HoldEvent, Violation, What};
 
 const MS: u64 = 1_000_000;
 
-/// The greatest share of the time between two records, in ten thousandths, for which the heater may be on: 0.8, and
-/// 0.16 ms more at each end of the 100 ms, at which a PWM period of 1 ms is cut.
+/// The greatest share of 100 ms in which the heater may be on, in ten thousandths: 0.8, and 0.0032 because the interval
+/// cuts a PWM period of 1 ms at either end.
 pub const MOST: u16 = 8_000 + 32;
 /// The temperature of the box, m°C, above which it may not be heated for longer than [`HOT_FOR`].
 ///
-/// The hold heats up to a measured 45 °C, and for [`BLIND`] after that measurement. A heater of 12 W brings 60 J/K up
-/// by 0.2 K/s at most, and the sensor is off by 0.3 K at most.
+/// The hold heats until it measures 45 °C, and for at most [`BLIND`] after that measurement. A heater of 12 W heats 60
+/// J/K by at most 0.2 K/s. The sensor's error is at most 0.3 K.
 pub const HOT: i32 = 46_500;
-/// How long the box has to have been hot, ns: two records of its temperature.
+/// The time for which a box that is too hot may be heated, ns: two records of its temperature.
 pub const HOT_FOR: u64 = 200 * MS;
-/// The longest time after the climate sensor's last measurement for which the heater may be on, ns: 3 s, a cycle of the
-/// hold, and its watchdog's 104 ms, since a hold that hangs leaves its PWM on. A beat of 25 ms is the margin.
+/// The longest time for which the heater may be on after the climate sensor's last measurement, ns. It is the sum of 3
+/// s in the firmware, a cycle of the hold, 104 ms of the watchdog (because a hung hold leaves its PWM on), and a
+/// margin.
 pub const BLIND: u64 = 3_300 * MS;
 
 /// The rule; see the [module](self).
@@ -33,7 +34,7 @@ pub struct Heater {
     has_hold: bool,
     /// The hold's last start, ns.
     started: u64,
-    /// The instant since which each record had a hot box, ns.
+    /// The instant, ns, of the first of the successive records with a hot box.
     hot: Option<u64>,
 }
 
@@ -73,13 +74,10 @@ mod tests {
     use crate::Cause;
     use crate::testing::{self, Events};
 
-    /// A record of the payload: the heater's share, the temperature, when it was last on, and the last measurement.
     fn record(heater: u16, temperature: i32, heated: Option<u64>, measured: Option<u64>) -> What {
         What::Hold(HoldEvent::Payload { heater, cooler: 0, temperature, humidity: 40_000, heated, measured })
     }
 
-    /// Returns the instants, ms, at which the rule finds the first violation in these records, each 100 ms after the
-    /// one before, from a start of the hold at 50 ms on.
     fn wrong(records: &[What]) -> Option<u64> {
         let mut events = Events::new(1);
         events.hold = true;
@@ -130,7 +128,7 @@ mod tests {
             let mut events = Events::new(1);
             events.hold = true;
             events.add(70 * MS, What::Hold(HoldEvent::Power { on }));
-            // Its pin falls a few ns after the supply, when the core's clock comes round.
+            // The pin of the heater falls a few ns after the supply is switched off.
             events.add(100 * MS, record(10, 20_000, Some(70 * MS + 31), Some(60 * MS)));
             testing::found(Heater::new(&events.log().header), &events.log()).0.len()
         };

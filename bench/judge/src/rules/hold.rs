@@ -1,5 +1,5 @@
-//! Judges the active hold and the DPR's second port: what the hold said is what is shown, and what was commanded is
-//! what was done.
+//! Judges the active hold and the DPR's second port: the DPR must show what the hold sent, and the hold must do what
+//! was commanded.
 //!
 //! | what is judged | compared with | violation |
 //! |---|---|---|
@@ -13,8 +13,8 @@
 //! | heater, cooler, lock; temperature, humidity, supply | Hold-Status; the box | `HoldOutput` |
 //! | restarts, findings | – | `HoldComplains` |
 //!
-//! What is shown, and that an answer has only what was written, is judged whatever the hold does. [`Calm`] states from
-//! when on the rest is judged after a disturbance.
+//! The shown objects and the contents of answers are always judged. All other requirements do not hold for some time
+//! after a disturbance ([`Calm`]).
 
 use std::collections::VecDeque;
 
@@ -35,28 +35,29 @@ pub const LONGEST_GAP: u64 = 150 * MS;
 pub const SHORTEST_GAP: u64 = 99 * MS;
 /// The longest time from power-on to the first frame, ns.
 pub const FIRST_FRAME: u64 = 300 * MS;
-/// The longest time for which an object is shown after its frame, ns. At the end of its 300 ms it is put into an image,
-/// which is published by the next deadline at the latest and then stays readable.
+/// The longest time for which the DPR shows an object after its frame, ns: 300 ms, the time to the next publication,
+/// and the expiry of the image.
 pub const SHOWN_FOR: u64 = 300 * MS + bounds::FRAME_DEADLINE + bounds::PUBLICATION_PESSIMISTIC + bounds::EXPIRY;
 /// The longest time from the end of a frame until its object is shown, ns: two publications.
 pub const SHOWN_WITHIN: u64 = 26 * MS;
 /// The shortest time for which an object is shown, if no newer one comes, ns.
 pub const SHOWN_AT_LEAST: u64 = 280 * MS;
-/// The earliest and the latest beginning of an answer after the frame's end, ns (docs/design.md#exchange; guard time of
-/// NFC-F).
+/// The earliest and the latest beginning of an answer after the end of the hold's frame, ns (docs/design.md#exchange;
+/// guard time of NFC-F).
 pub const ANSWERS: (u64, u64) = (197_000, 3_000_000);
 /// The greatest age of an uplink in an answer, ns: 1 s, and the time until a stored uplink is handed over.
 pub const UPLINK_AGE: u64 = 1_000 * MS + 110 * MS;
 /// The set-points, °C, that the hold accepts; it refuses every other one.
 pub const SET_POINTS: std::ops::RangeInclusive<f32> = 2.0..=40.0;
-/// The shortest time for which a timestamp came before the hold finds it too old, ns: its second, less an exchange.
+/// The shortest time, ns, after which the hold may reject a command with an unchanged timestamp: one second less an
+/// exchange.
 pub const TOO_OLD: u64 = 900 * MS;
-/// The ages of an uplink, ns, at which an undisturbed DPR has it in the answer, unless there is a newer one.
+/// The ages of a stored uplink, ns, at which an undisturbed DPR must send it in the answer.
 pub const STORED: (u64, u64) = (30 * MS, 900 * MS);
-/// The deviations that a stated temperature (°C), humidity (%) and supply (V) may have: twice what the sensor's data
-/// sheet states, and what changes in the second between two measurements.
+/// The largest errors of temperature (°C), humidity (%) and supply (V) in Hold-Status: twice those of the sensor's data
+/// sheet, and the change between two measurements.
 pub const STATED: (f32, f32, f32) = (0.8, 5.0, 0.1);
-/// The report of the front end whose answer begins after the carrier went off.
+/// The front end's report if it begins to answer after the hold's carrier has gone off.
 const OVERTAKEN: &str = "transmission without a field";
 /// The supply of the bench's hold, V.
 const SUPPLY: f32 = 3.0;
@@ -88,7 +89,6 @@ impl Came {
     }
 }
 
-/// Whether `number` is 1 to 32767 ahead of `than`.
 fn is_newer(number: u16, than: u16) -> bool {
     (1..=u16::MAX / 2).contains(&number.wrapping_sub(than))
 }
@@ -98,12 +98,12 @@ fn is_newer(number: u16, than: u16) -> bool {
 struct Writer {
     /// The commands that came in the last three seconds.
     came: VecDeque<Came>,
-    /// The last new command, and how often it came, each time with a later timestamp.
+    /// The last new command, and how many uplinks with different timestamps have brought it.
     insists: Option<(Came, u32)>,
 }
 
 impl Writer {
-    /// For how long an uplink with this command came without a change of its timestamp, ns.
+    /// Returns the longest time, ns, for which this command came in uplinks with one and the same timestamp.
     fn heard_for(&self, number: u16) -> u64 {
         let of = self.came.iter().filter(|came| came.number == number);
         let since = |last: &Came| self.came.iter().find(|came| came.timestamp == last.timestamp).map(|came| came.at);
@@ -116,35 +116,33 @@ impl Writer {
 pub struct Hold {
     layout: Option<Layout>,
     calm: Calm,
-    /// The instant, ns, at which the hold last sent a whole Hold-Status; before the first one, when it was switched on.
+    /// The instant, ns, at which the hold last sent a whole Hold-Status, or at which it was switched on.
     sent: u64,
     has_sent: bool,
-    /// The instant at which its last whole Hold-Status began, ns.
+    /// The instant, ns, at which the frame of the last whole Hold-Status began.
     began: u64,
     /// The last three statuses in successive periods, the newest last.
     statuses: VecDeque<HoldValues>,
-    /// Frames that came to the DPR, each with the instant of its end (ns), whether its object is one and is new, and
-    /// whether it was answered and shown.
+    /// The frames that came to the DPR.
     frames: VecDeque<Arrived>,
     /// The last frame that the DPR is known to have accepted since its start, because it answered or showed the frame:
     /// its instant (ns) and the timestamp of its object.
     accepted: Option<(u64, u32)>,
-    /// What the flight controller wrote in the last two seconds.
+    /// The objects that the flight controller wrote in the last two seconds.
     written: VecDeque<Written>,
     writers: [Writer; 2],
-    /// The last status before a restart that the first one after it has to continue.
+    /// The last Hold-Status before a restart of the hold. The first Hold-Status after the restart must agree with it.
     kept: Option<HoldValues>,
-    /// The level of the lock's pin, and the instant since which it has been so, ns.
+    /// The instant, ns, of the last change of the lock's pin, and the level since then.
     lock: Option<(u64, bool)>,
 }
 
-/// An object that the flight controller wrote.
 #[derive(Clone, Debug)]
 struct Written {
     /// The end of the transaction, ns.
     at: u64,
     object: Vec<u8>,
-    /// The number of the writer whose intact uplink this is.
+    /// The number of the writer, if the object is an intact uplink.
     writer: Option<usize>,
     /// Whether the DPR served the transaction.
     stored: bool,
@@ -219,9 +217,9 @@ impl Hold {
             HoldEvent::Power { .. } => self.restarted(at, false),
             HoldEvent::Reset { cause, .. } => self.restarted(at, *cause != Cause::PowerOn),
             HoldEvent::Finding { text } => findings.add(Violation::HoldComplains, at, || text.clone()),
-            // The DPR cannot tell that the carrier goes off when its answer begins.
+            // The hold's carrier may go off just when an answer begins. The DPR cannot detect that in time.
             HoldEvent::PortMisuse { text } if at < self.calm.sends() && text.contains(OVERTAKEN) => {}
-            // A DPR that stops during an answer loads no more of it.
+            // A DPR that hangs loads no more bytes of its answer.
             HoldEvent::PortMisuse { .. } if context.running(Board::Dpr).hung.is_some() => {}
             HoldEvent::PortMisuse { .. } if context.disturbances().excuse(Excuse::DprFrontEndUse, at) => {}
             HoldEvent::PortMisuse { text } => findings.add(Violation::FrontEndMisuse, at, || text.clone()),
@@ -237,9 +235,10 @@ impl Hold {
         }
     }
 
-    /// Takes a restart of the hold, which keeps lock, set-point and acknowledgements if its RAM `keeps` its contents.
+    /// Takes a restart of the hold. The hold keeps lock, set-point and acknowledgements if its RAM `keeps` its
+    /// contents.
     fn restarted(&mut self, at: u64, keeps: bool) {
-        // A hold that sent nothing in its last period may have executed more commands than one.
+        // A hold that sent nothing in its last period may have executed several commands.
         let was_heard = self.has_sent && at <= self.sent + LONGEST_GAP;
         self.kept = self.statuses.back().copied().filter(|_| keeps && was_heard);
         (self.sent, self.has_sent) = (at, false);
@@ -274,7 +273,8 @@ impl Hold {
         if before.is_none() {
             self.statuses.clear();
         }
-        // Another one than the first after the restart may already tell of a command.
+        // Only the first Hold-Status after a restart must agree with the kept one. A later Hold-Status may already
+        // follow a command.
         let kept = self.kept.take().filter(|_| is_first && values.timestamp == 0);
         if let Some(before) = before.or(kept) {
             self.commanded(at, &before, &values, findings);
@@ -363,7 +363,7 @@ impl Hold {
         let from = place.start.checked_sub(reading.offset);
         let Some(shown) = from.and_then(|from| reading.miso.get(from..from + place.len())) else { return };
         let (at, dpr) = (reading.selected, context.running(Board::Dpr));
-        // A start of the DPR cuts a transaction off, and what came before it is lost.
+        // A start of the DPR cuts a transaction off, and discards what the DPR received before.
         let excused = [Excuse::Service, Excuse::UnsoundImage].iter().any(|it| context.disturbances().excuse(*it, at));
         if reading.silent || at < dpr.since || excused {
             return;
@@ -379,10 +379,10 @@ impl Hold {
             self.frames[index].shown = true;
             self.accept(index, dpr.since);
         }
-        let calm = self.calm.exchanges();
-        if at < calm || !dpr.powered {
+        if !dpr.powered {
             return;
         }
+        let calm = self.calm.exchanges();
         let due = |frame: &Arrived| {
             frame.is_new && frame.at >= calm && (SHOWN_WITHIN..SHOWN_AT_LEAST).contains(&at.saturating_sub(frame.at))
         };
@@ -394,7 +394,7 @@ impl Hold {
         let unanswered = self
             .frames
             .iter_mut()
-            .find(|frame| frame.shown && !frame.answered && frame.at > calm && frame.at + bounds::CYCLE < at);
+            .find(|frame| frame.shown && !frame.answered && frame.at >= calm && frame.at + bounds::CYCLE < at);
         if let Some(frame) = unanswered {
             frame.answered = true;
             let came = frame.at;
@@ -409,7 +409,7 @@ impl Hold {
             frame.is_new && !frame.answered && (ANSWERS.0..=ANSWERS.1).contains(&at.saturating_sub(frame.at))
         };
         let Some(index) = self.frames.iter().rposition(asks) else {
-            let last = self.frames.iter().rev().find(|frame| frame.at < at).map_or(0, |frame| frame.at);
+            let last = self.frames.back().map_or(0, |frame| frame.at);
             return wrong(format!("no new object of the hold waits for one; the last frame ended at {}", ms(last)));
         };
         self.frames[index].answered = true;
@@ -507,7 +507,6 @@ fn payload(frame: &HoldFrame) -> Option<&[u8]> {
     frame.bytes.get(1..len).filter(|_| frame.whole && frame.bytes.len() == len + 2)
 }
 
-/// Whether `acknowledged` may be the outcome of `came`, whose timestamp came for `heard_for` ns.
 fn is_outcome_of(came: &Came, acknowledged: Acknowledged, heard_for: u64) -> bool {
     let known = came.is_plain && (1..=4).contains(&came.word);
     let refused = came.word == 1 && !SET_POINTS.contains(&came.value);

@@ -58,7 +58,6 @@ impl Rule for Integrity {
                         let within = [bounds::HORUS_FLASH_FOUND, bounds::DPR_FLASH_FOUND][*board as usize];
                         self.flash_due[*board as usize].get_or_insert(at + within);
                     }
-                    // A bit that flips once does not end the wait for the report of a stuck bit.
                     (Board::Dpr, Memory::Receive | Memory::Images) if *until > at => {
                         self.stuck = Some(Stuck { until: *until, shown: None, cycles: 0 });
                     }
@@ -160,7 +159,6 @@ mod tests {
         found(Integrity::new(&header(3)), &log.end(end).log()).0
     }
 
-    /// Returns the violations of a run until `end` in which a bit of `memory` changes at 5 ns.
     fn broken(board: Board, memory: Memory, mut events: Vec<(u64, What)>, end: u64) -> Vec<(Violation, u64, u64)> {
         events.push((5, injected(Disturbance::Memory { board, memory }, 5)));
         found_in(events, end)
@@ -175,7 +173,6 @@ mod tests {
         transaction(0, LinkStatus::seal(&LinkValues { status, ..LinkValues::default() }).as_bytes().to_vec())
     }
 
-    /// Returns a transaction that shows the cycle of this timestamp (ms), with or without a RAM fault in Link-Status.
     fn shows(timestamp: u32, fault: bool) -> What {
         let status = LinkStatusBits::new().with_ram_fault(fault);
         let mut miso = LinkStatus::seal(&LinkValues { status, ..LinkValues::default() }).as_bytes().to_vec();

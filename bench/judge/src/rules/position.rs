@@ -176,7 +176,6 @@ mod tests {
     /// The number of 1e-9 degrees of latitude in a metre, exact to 0.1 %.
     const METRE: i64 = 8_993;
 
-    /// Returns a Reported-Position at this distance, mm, north of the first position and above it.
     fn reported(timestamp: u32, north_mm: i64, up_mm: i64) -> ReportedValues {
         let silent = silent_reported(timestamp);
         let status = silent.status.with_position_valid(true);
@@ -236,7 +235,7 @@ mod tests {
     #[test]
     fn a_position_may_be_as_old_as_a_solution_may_be_valid() {
         let oldest = bounds::POSITION_OLDEST / bounds::CYCLE;
-        // The aircraft moves away after the first tick, but HORUS goes on sending the first position.
+        // In this run the aircraft moves away after the first tick, but HORUS goes on sending the first position.
         let leaves = |number: u64| if number == 1 { 0 } else { 50_000 };
         assert_eq!(run(1, 1 + oldest, leaves, |_| Some((0, 0)), vec![]).0, []);
         let late = run(1, 2 + oldest, leaves, |_| Some((0, 0)), vec![]).0;
@@ -252,7 +251,7 @@ mod tests {
             (3, vec![0, 1], None),
             (5, vec![0, 3], Some(40)),
             (5, vec![0, 1, 4], None),
-            // The only receiver is not disturbed, but one that is not fitted.
+            // The disturbed receiver is not fitted.
             (1, vec![1], Some(10)),
         ] {
             let events = || who.iter().map(|receiver| disturbed(*receiver)).collect::<Vec<_>>();

@@ -111,7 +111,6 @@ mod tests {
         What::Fed { receiver, byte_ns: 1, bytes: vec![1].into(), clean: false, since: Some(0) }
     }
 
-    /// Returns the violations of a run until `end` in which GPS2 offers bytes at `at`.
     fn broken(at: u64, events: Vec<(u64, What)>, end: u64) -> Vec<(Violation, u64, u64)> {
         let mut log = Events::new(3);
         log.add(at, offered());
@@ -170,7 +169,6 @@ mod tests {
         }
     }
 
-    /// Returns the violations about GPS2's settings of a run until `end`.
     fn unset(events: Vec<(u64, What)>, end: u64) -> Vec<(Violation, u64, u64)> {
         let mut log = Events::new(3);
         events.into_iter().for_each(|(at, what)| _ = log.add(at, what));

@@ -1,8 +1,8 @@
 //! Judges the age and the alarms that the base station states about the drone.
 //!
-//! The age is that of the Reported-Position that the base station shows, the newest that arrived. This rule compares
-//! that age with HORUS's tick. It also judges the alarms that follow from the age, from a silence and from
-//! Reported-Position's status:
+//! The base station states the age of the Reported-Position that it shows, which is the newest one that arrived. This
+//! rule compares that age with HORUS's tick. It also judges the alarms that follow from the age, from a silence and
+//! from Reported-Position's status:
 //!
 //! | alarm | holds if |
 //! |---|---|
@@ -12,7 +12,8 @@
 //! | `emergency-fired`, `motors-cut`, `switched-to-redundant`, `inputs-contradict` | Reported-Position states this |
 //! | `degraded`, `no-crystal`, `horus-memory-fault` | Reported-Position states this |
 //!
-//! Close to a limit of time the judge accepts either value. While HORUS runs without its crystal, no age is required.
+//! At a limit of time the judge accepts an alarm as well as its absence. No age is required while HORUS runs without
+//! its crystal.
 //!
 //! The station need not show a profile that does not continue the sequence, because it may come from another sender.
 //! The judge therefore requires a value only after profiles have arrived in sequence for [`bounds::STATION_SETTLES`],
@@ -32,14 +33,14 @@ use crate::{Board, Context, Event, Findings, Header, Violation, What, bounds};
 
 const TICKS: usize = 256;
 
-/// The last sample that arrived. The station may compute the ages of later samples from its timestamp.
+/// The sample that arrived last, from whose timestamp the station computes the ages of later samples.
 #[derive(Clone, Copy, Debug)]
 struct Last {
     timestamp: u32,
     reason: Option<ResetReason>,
     /// The sample's tick, ns, and the number of HORUS's starts at that tick.
     tick: (u64, u64),
-    /// How much, ns, the station may overstate the age of this sample and of later ones.
+    /// The error, ns, by which the station may overstate the ages of this sample and of later ones.
     late: u64,
 }
 
@@ -48,10 +49,9 @@ struct Last {
 struct Newest {
     timestamp: u32,
     status: ReportedStatus,
-    /// The sample's tick, ns, and how much, ns, the station may overstate the sample's age; `None` if not known.
+    /// The sample's tick, and the error by which the station may overstate the sample's age, ns; `None` if not known.
     tick: Option<(u64, u64)>,
-    /// The number of consecutive profiles in sequence up to this one, and the instant, ns, at which the first of them
-    /// arrived.
+    /// The number of consecutive profiles in sequence up to this one, and the arrival, ns, of the first of them.
     row: (u32, u64),
     /// Whether this sequence of profiles began with the first profile of the run.
     first: bool,
@@ -128,7 +128,7 @@ impl Station {
         let values = object.values();
         let follows = |before: Newest| {
             let step = values.timestamp.wrapping_sub(before.timestamp);
-            // Between two profiles that it forwards, the flight controller may leave up to three cycles unread.
+            // The flight controller may leave up to three cycles unread between two forwarded profiles.
             step > 0 && step % CYCLE_MS == 0 && step <= 4 * CYCLE_MS
         };
         let before = self.newest.filter(|before| follows(*before));
@@ -159,8 +159,8 @@ impl Station {
         })
     }
 
-    /// Returns the true age, ns, of the sample shown at the instant `at`, and the greatest age that the station may
-    /// state.
+    /// Returns the true age, ns, of the sample that is shown at the instant `at`, and the greatest age that the station
+    /// may state.
     fn ages(&self, at: u64) -> Option<[u64; 2]> {
         let shown = self.shown().filter(|shown| !shown.status.without_crystal())?;
         let (tick, late) = shown.tick?;
@@ -180,7 +180,7 @@ impl Station {
             age if age + bounds::STATION_AGE_OFF < limit => Some(false),
             _ => None,
         };
-        // After a silence the station may accept profiles late, so its alarm of the silence may last longer.
+        // After a silence the station may accept profiles late and so end its alarm late.
         let silent =
             after(at - self.arrived, bounds::STATION_SILENT).filter(|silent| *silent || self.shown().is_some());
         let stale = self.ages(at).map(|ages| ages.map(|age| after(age, bounds::STATION_STALE)));
@@ -225,8 +225,8 @@ mod tests {
         alarms.iter().map(|name| (*name).to_owned()).collect()
     }
 
-    /// Returns the violations if [`CYCLES`] cycles arrive with the status that `of` returns, and the station then makes
-    /// these statements.
+    /// Returns the violations if [`CYCLES`] cycles arrive with the status from `of`, and the station makes the
+    /// statements in `says`.
     fn broken(
         of: impl Fn(ReportedStatus) -> ReportedStatus,
         cycles: u64,
@@ -235,7 +235,6 @@ mod tests {
         broken_after(8 * MS, of, cycles, says)
     }
 
-    /// Does what [`broken`] does, but each profile arrives `takes` ns after its tick.
     fn broken_after(
         takes: u64,
         of: impl Fn(ReportedStatus) -> ReportedStatus,
@@ -282,7 +281,6 @@ mod tests {
         ] {
             assert_eq!(told(age), expected, "{age:?}");
         }
-        // No age is required if too few profiles have arrived, or if HORUS runs without its crystal.
         let few = u64::from(bounds::CLIENT_FINDS) - 1;
         assert_eq!(broken(same, few, &[(at, Some(0), &[])]), []);
         assert_eq!(broken(|it| it.with_without_crystal(true), CYCLES, &[(at, Some(0), &["no-crystal"])]), []);
@@ -381,11 +379,8 @@ mod tests {
 
     #[test]
     fn after_a_restart_of_horus_ages_may_follow_the_earlier_clock() {
-        // Profiles stamped 10 ms to 100 ms arrive. HORUS is then off for [`AWAY`], and the profiles of its new start
-        // are stamped from `first` on.
         const AWAY: u64 = 1_000 * MS;
         let settles = bounds::STATION_SETTLES / bounds::CYCLE;
-        // With `earlier`, a profile of a still earlier start of HORUS, stamped 90 s, arrives first.
         let told_after = |earlier: bool, starts: bool, first: u32, reason: ResetReason, age: u64, alarms: &[&str]| {
             let mut log = Events::new(1);
             let mut cycle = |tick: u64, stamp: u32, reason: ResetReason| {

@@ -141,7 +141,6 @@ impl Plan {
         plan
     }
 
-    /// Returns the image published at `at` that shows the cycle with the timestamp `stamp`.
     pub(crate) fn image(&self, at: u64, stamp: Option<u32>, values: LinkValues) -> Vec<u8> {
         let status = LinkStatusBits::new()
             .with_link_up(stamp.is_some())
@@ -157,7 +156,6 @@ impl Plan {
         [link.as_bytes().as_slice(), &objects].concat()
     }
 
-    /// Returns the index of the publication that shows the cycle with the timestamp `stamp`.
     pub(crate) fn showing(&self, stamp: u32) -> usize {
         let place = self.layout.in_image(0).unwrap();
         let shows = |image: &[u8]| image[place.clone()].starts_with(&stamp.to_le_bytes());
@@ -202,8 +200,8 @@ impl Plan {
                 }
                 continue;
             }
-            // An image that is published during the transaction is announced at once. The DPR puts it in after the
-            // transaction.
+            // An image that is published during a transaction is announced at once, but the DPR can put it in only
+            // after the transaction.
             let mut ready = ended + TO_READY;
             while let Some(publication) =
                 publications.next_if(|publication| publication.at - HELD_BEFORE <= ended + TO_READY)
@@ -243,7 +241,6 @@ struct Ssi {
 }
 
 impl Ssi {
-    /// Withdraws the image if its time is over at `now`.
     fn expire(&mut self, now: u64, events: &mut Vec<Event>) {
         if self.expires <= now && !self.held {
             self.held = true;
@@ -251,7 +248,7 @@ impl Ssi {
         }
     }
 
-    /// Puts an image in between two transactions. Returns whether the next transaction finds the DPR busy.
+    /// Puts an image in between two transactions. Returns whether this makes the next transaction find the DPR busy.
     fn put_in(&mut self, publication: &Publication, selected: u64, events: &mut Vec<Event>) -> bool {
         let Publication { at, image } = publication;
         let released = at + RELEASED_AFTER;
@@ -315,7 +312,6 @@ pub(crate) fn sort(log: &mut Log) {
     log.events.sort_by_key(|event| (event.at, event.what.rank()));
 }
 
-/// Returns the instant, ns, at which each transaction began, and its bytes, for a test to change.
 pub(crate) fn transactions(log: &mut Log) -> impl Iterator<Item = (u64, &mut Vec<u8>)> {
     log.events.iter_mut().filter_map(|event| match &mut event.what {
         What::Transaction { selected, miso, .. } => Some((*selected, &mut miso.0)),
@@ -327,8 +323,8 @@ pub(crate) fn dpr_reset(asked: bool) -> What {
     What::Reset { board: Board::Dpr, cause: Cause::Pin, asked }
 }
 
-/// Returns the indices of the transactions that read an image again. The flight controller forwards nothing after
-/// these.
+/// Returns the indices of those transactions that read the same image as the transaction before. After such a
+/// transaction the flight controller forwards nothing.
 pub(crate) fn repeats(log: &Log) -> Vec<usize> {
     let mut last: Option<&[u8]> = None;
     let mut places = vec![];
@@ -341,7 +337,6 @@ pub(crate) fn repeats(log: &Log) -> Vec<usize> {
     places
 }
 
-/// Returns the bytes of the transaction at index `place`, for a test to change.
 pub(crate) fn miso(log: &mut Log, place: usize) -> &mut Vec<u8> {
     match &mut log.events[place].what {
         What::Transaction { miso, .. } => &mut miso.0,
@@ -367,8 +362,7 @@ pub(crate) fn blind(log: &mut Log, from: u64, to: u64) {
     }
 }
 
-/// Returns a flawless log, and the index of a transaction that reads an image again, so that nothing is forwarded after
-/// it.
+/// Returns a flawless log, and the index of a transaction that reads the same image as the one before it.
 pub(crate) fn run(gps: usize) -> (Plan, Log, usize) {
     let plan = Plan::new(gps, 40);
     let log = plan.log();
@@ -376,7 +370,8 @@ pub(crate) fn run(gps: usize) -> (Plan, Log, usize) {
     (plan, log, place)
 }
 
-/// Returns the last image read before the transaction at index `place` that differs from the image read there.
+/// Returns the last image that was read before the transaction at index `place` and differs from the image in that
+/// transaction.
 pub(crate) fn image_before(log: &Log, place: usize) -> Vec<u8> {
     let mut log = log.clone();
     let now = miso(&mut log, place).clone();
@@ -393,7 +388,6 @@ pub(crate) const MISUSE: Disturbance = Disturbance::FlightController { conduct: 
 pub(crate) const RECEIVE_BIT: Disturbance = Disturbance::Memory { board: Board::Dpr, memory: Memory::Receive };
 pub(crate) const IMAGE_BIT: Disturbance = Disturbance::Memory { board: Board::Dpr, memory: Memory::Images };
 
-/// Returns the event by which the bench disturbs something until the instant `until`, ns.
 pub(crate) fn injected(disturbs: Disturbance, until: u64) -> What {
     What::Injected { kind: format!("{disturbs:?}"), disturbs, until }
 }

@@ -56,7 +56,7 @@ pub(super) struct Ddc {
     available: u16,
     /// The end of the last byte, ns; `None` if the controller has held the clock since the last byte.
     last: Option<u64>,
-    /// Whether the controller did not acknowledge the last byte, after which it must end the transfer.
+    /// Whether the controller did not acknowledge the last byte. It must end the transfer then.
     closing: bool,
     failing: Option<Failing>,
     made: [bool; 2],

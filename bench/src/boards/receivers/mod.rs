@@ -1,4 +1,4 @@
-//! The receivers' interfaces on the HORUS board, which connect a receiver's stream of messages to the pins of the
+//! The receivers' interfaces on the HORUS board. They connect a receiver's stream of messages to the pins of the
 //! microcontroller.
 //!
 //! | file | interface | receivers | source |
@@ -46,14 +46,13 @@ pub const BUFFER: usize = 4096;
 /// The time without communication after which a receiver puts no more messages into its output buffer, ns.
 pub const FORSAKEN: u64 = 2_000_000_000;
 
-/// The time, ns, after the first byte of a bus transaction, at which the transaction counts as abandoned if it has not
-/// ended.
+/// A bus transaction that has not ended within this time after its first byte counts as abandoned, ns.
 pub const ABANDONED: u64 = 50_000_000;
 
 #[derive(Clone, Debug, Default)]
 struct Outbox {
     bytes: VecDeque<u8>,
-    /// The groups of waiting bytes: each group's instant of arrival (ns) and its number of bytes.
+    /// The groups of bytes in the buffer, each with its arrival (ns) and its length.
     since: VecDeque<(u64, usize)>,
     read_at: u64,
 }
@@ -103,7 +102,7 @@ pub struct SentByte {
     pub at: u64,
     /// The receiver's index, from 0.
     pub receiver: usize,
-    /// The byte; `None` if the receiver cannot read it, which breaks the message that it belongs to.
+    /// The byte; `None` if the receiver cannot read it. The message of an unreadable byte is broken.
     pub byte: Option<u8>,
 }
 
@@ -121,7 +120,8 @@ pub struct Receivers {
     attended: bool,
     heard: Vec<SentByte>,
     read: Vec<ReadBytes>,
-    /// What the microcontroller did against a receiver's data sheet: the first of each kind, with its instant, ns.
+    /// The first misuse of each kind, by which the microcontroller violated a receiver's data sheet: its instant, ns,
+    /// and its description.
     misuses: Vec<(u64, String)>,
     told: Vec<(usize, &'static str)>,
     next: u64,
@@ -198,8 +198,8 @@ impl Receivers {
         }
     }
 
-    /// Requests that the bytes sent by the microcontroller are kept for [`Receivers::take_sent`]. The node stops after
-    /// each.
+    /// Keeps the bytes that the microcontroller sends from now on, for [`Receivers::take_sent`]. The board's emulation
+    /// stops after each of these bytes.
     pub fn attend(&mut self) {
         self.attended = true;
     }
@@ -215,8 +215,8 @@ impl Receivers {
         !self.heard.is_empty()
     }
 
-    /// Takes the bus transactions that have ended since the last call. One that began [`ABANDONED`] before `now` (ns)
-    /// counts as ended.
+    /// Takes the bus transactions that have ended since the last call. A transaction that began [`ABANDONED`] before
+    /// `now` (ns) counts as ended.
     pub fn take_read(&mut self, now: u64) -> Vec<ReadBytes> {
         for (receiver, interface) in self.interfaces.iter_mut().enumerate() {
             let (Interface::I2c(Ddc { crossings, .. }) | Interface::Spi(Spi { crossings, .. })) = interface else {
@@ -231,7 +231,8 @@ impl Receivers {
         std::mem::take(&mut self.read)
     }
 
-    /// The instant, ns, at which the oldest bus transaction began that has not been taken; `u64::MAX` for none.
+    /// The instant, ns, at which the oldest bus transaction began among those that [`Receivers::take_read`] has yet to
+    /// return; `u64::MAX` for none.
     #[must_use]
     pub fn untold_since(&self) -> u64 {
         let of = |interface: &Interface| match interface {
@@ -303,7 +304,8 @@ impl Receivers {
         answer
     }
 
-    /// Passes a UART frame that the microcontroller has sent on `pin`, and that ended at `at` (ns), to the receiver.
+    /// Passes a UART frame to the receiver. The microcontroller has sent the frame on `pin`; the frame ended at `at`
+    /// (ns).
     pub(super) fn uart(&mut self, at: u64, pin: Pin, frame: &UartFrame) {
         let found = self.interfaces.iter_mut().enumerate().find_map(|(receiver, interface)| match interface {
             Interface::Uart(uart) if uart.from_part == pin => {

@@ -1,6 +1,7 @@
 //! Traffic of a receiver's bus in the event log's form: groups of bytes that follow one another without a gap.
 
-/// The tolerance, ns, of the end of a byte in a group of equally long bytes, because ends are rounded to whole ns.
+/// The ends of bytes are rounded to whole ns. So in a group of equally long bytes, the end of a byte may deviate by
+/// this much, ns.
 const ROUNDING: u64 = 40;
 
 /// Bytes of a receiver that HORUS's microcontroller read over a bus without a gap between them.
@@ -22,10 +23,10 @@ pub struct ReadBytes {
 
 #[derive(Clone, Debug, Default)]
 pub(super) struct Crossings {
-    /// The bytes of the unfinished transaction, each with beginning and end (ns), value, and arrival in the receiver's
-    /// buffer (ns).
+    /// The bytes of the unfinished transaction, each with its beginning and end (ns), its value, and the instant (ns)
+    /// at which it came into the receiver's buffer.
     open: Vec<(u64, u64, u8, u64)>,
-    /// Whether a byte of the unfinished transaction was changed on the bus, so that HORUS need not use the transaction.
+    /// Whether the bus changed a byte of the unfinished transaction, so that HORUS need not use the bytes.
     spoilt: bool,
     done: Vec<Vec<(u64, u64, u8, u64)>>,
     clean: Vec<bool>,
@@ -79,7 +80,6 @@ impl Crossings {
 }
 
 impl ReadBytes {
-    /// Whether a byte from `from` to `to` (ns) follows the group's last byte without a gap and has the group's rate.
     fn continues(&self, from: u64, to: u64) -> bool {
         let nth = |number: usize| self.at + number as u64 * self.byte_ns;
         from.abs_diff(nth(self.bytes.len())) <= ROUNDING && to.abs_diff(nth(self.bytes.len() + 1)) <= ROUNDING

@@ -23,7 +23,8 @@ use crate::faults::{BusFault, Rng};
 const SHORTEST_BIT_PS: u64 = 181_818;
 /// The duration of a byte at 125 kB/s, ns.
 pub const SHORTEST_BYTE: u64 = 8_000;
-/// The factory default of CFG-SPI-MAXFF: after so many successive 0xFF bytes the receiver ignores its input.
+/// The factory default of CFG-SPI-MAXFF: the number of successive 0xFF bytes after which the receiver ignores its
+/// input.
 const MOST_FILLER: u32 = 50;
 
 const WRONG_MODE: &str = "SPI: not mode 0, or not whole bytes (ZED-F9R data sheet 5.2)";
@@ -44,7 +45,8 @@ pub(super) struct Spi {
     pub(super) outbox: Outbox,
     pub(super) crossings: Crossings,
     selected: bool,
-    /// The beginning of the last byte that the receiver loaded in time, ns; `None` since it was selected.
+    /// The beginning of the last byte that the receiver loaded in time, ns; `None` if the receiver has loaded no byte
+    /// since it was selected.
     last: Option<u64>,
     filler: u32,
     last_bit: bool,
@@ -157,7 +159,7 @@ impl Spi {
         ((frame.miso == Some(self.wires.miso)).then_some(answer), misuse)
     }
 
-    /// Returns `byte` as it is read while the receiver's output is one bit late.
+    /// Returns what the controller reads in place of `byte` while the receiver's output is one bit late.
     fn late(&mut self, byte: u8) -> u8 {
         let shifted = byte >> 1 | u8::from(self.last_bit) << 7;
         self.last_bit = byte & 1 != 0;

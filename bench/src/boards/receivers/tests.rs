@@ -32,7 +32,6 @@ impl Script {
         self.receivers.i2c(self.now, SCL, SDA, event)
     }
 
-    /// Sets the receiver's register address, if `register` is given, and reads `bytes` bytes over I2C.
     fn read(&mut self, register: Option<u8>, bytes: usize) -> Vec<u8> {
         if let Some(register) = register {
             assert!(self.i2c(I2cEvent::Start(0x84)).acknowledged);
@@ -61,7 +60,6 @@ impl Script {
         }
     }
 
-    /// Sends the bytes of `mosi` over SPI, one every `every` ns, each for `takes` ns; returns those of MISO.
     fn clock(&mut self, mosi: &[u8], takes: u64, every: u64) -> Vec<u8> {
         mosi.iter()
             .map(|&byte| {
@@ -73,7 +71,6 @@ impl Script {
             .collect()
     }
 
-    /// Makes one SPI transaction at 562.5 kHz and returns the bytes that MISO carried.
     fn transaction(&mut self, mosi: &[u8]) -> Vec<u8> {
         self.select(true);
         let miso = self.clock(mosi, 14_222, 14_222);
@@ -250,15 +247,14 @@ fn over_spi_no_more_than_125_kb_a_second_are_loaded() {
     let mut script = Script::new();
     script.receivers.offer(script.now, 2, &message());
     script.select(true);
-    // At 4.5 MHz without gaps, the receiver can load a new byte only at every fifth byte: a load takes 8 µs.
+    // The receiver needs 8 µs to load a byte. At 4.5 MHz without gaps it therefore loads a new one at every fifth byte
+    // only.
     let miso = script.clock(&[0xFF; 10], 1_778, 1_778);
     let sync = ubx::SYNC;
     assert_eq!(miso, [[sync[0]; 5], [sync[1]; 5]].concat());
     script.select(false);
     assert!(script.given().iter().all(|given| !given.clean));
     assert!(script.receivers.take_misuses()[0].1.contains("125 kB/s"));
-    // If the controller pauses until 8 µs have passed for each byte, the receiver loads every byte at the same clock
-    // rate.
     script.now += MS;
     script.select(true);
     assert_eq!(script.clock(&[0xFF; 98], 1_778, 8_000), message()[2..]);
@@ -330,7 +326,6 @@ fn a_byte_at_another_rate_is_nothing_that_the_receiver_can_read() {
     script.receivers.listen_at(0, 38_400);
     assert_eq!(send(&mut script, 38_400), [Some(0xB5)]);
     assert_eq!(send(&mut script, 460_800), [None]);
-    // After more than 100 unreadable frames the UART ignores its input until the second is over.
     for _ in 0..100 {
         send(&mut script, 460_800);
     }

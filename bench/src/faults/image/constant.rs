@@ -12,12 +12,12 @@ use cortex_m4::Cost;
 use super::{Repair, seal};
 use emulator_node::{Board, Error, Node};
 
-/// Replaces the constant `of` by `value` in every instruction and table entry of `node`'s program, and seals the
-/// program again.
+/// Replaces the constant `of` by `value` in every instruction and table entry of `node`'s program, and corrects the
+/// program's CRC.
 ///
 /// # Errors
 ///
-/// [`Error::NoSymbol`] where the program has no vector table or no CRC, or does not load `of`.
+/// [`Error::NoSymbol`] if the program has no vector table, no CRC, or no such constant.
 pub(super) fn replace<B: Board, C: Cost>(node: &mut Node<B, C>, of: u32, value: u32) -> Result<Repair, Error> {
     let (first, end) = (node.address_of("__vector_table")?, node.address_of("__program_crc")?);
     let mut image = vec![0; usize::try_from(end.saturating_sub(first)).unwrap_or(0)];
@@ -120,7 +120,7 @@ mod tests {
 
     #[test]
     fn a_constant_of_16_bits_is_replaced_in_a_movw() {
-        // The second instruction in memory is MOVW r1, #24480.
+        // The code is MOVW r1, #24480.
         let image = image(&[0xBF00, 0xF645, 0x71A0]);
         assert_eq!(replaced(&image, 24_480, 24_481), [(2, vec![0x45, 0xF6, 0xA1, 0x71])]);
         assert!(replaced(&image, 24_481, 0).is_empty());
@@ -134,24 +134,23 @@ mod tests {
         let (to_low, to_high) = (encoded(MOVW, 1, 0xFCC0), encoded(MOVT, 1, 6));
         let wanted = [(0, image(&[to_low.0, to_low.1])), (6, image(&[to_high.0, to_high.1]))];
         assert_eq!(replaced(&code, of, 0x0006_FCC0), wanted);
-        // The low half of a 32-bit constant does not count as a constant.
         assert!(replaced(&code, 0xC4A0, 1).is_empty());
     }
 
     #[test]
     fn a_constant_is_found_in_a_modified_immediate() {
-        // The instruction here is MOV.W r3, #0x4400.
+        // The code is MOV.W r3, #0x4400.
         let (one, two) = encoded(MOVW, 3, 0x4401);
         assert_eq!(replaced(&image(&[0xF44F, 0x4388]), 0x4400, 0x4401), [(0, image(&[one, two]))]);
     }
 
     #[test]
     fn a_modified_immediate_is_replaced_in_an_add_or_orr() {
-        // The code has three instructions: ADD.W r1, r1, #0x4400; ORR r2, r6, #0x4400; CMN.W r1, #0x4400.
+        // The code is ADD.W r1, r1, #0x4400; ORR r2, r6, #0x4400; CMN.W r1, #0x4400.
         let code = image(&[0xF501, 0x4188, 0xF446, 0x4288, 0xF511, 0x4F88]);
         let wanted = [(0, image(&[0xF501, 0x418A])), (4, image(&[0xF446, 0x428A]))];
         assert_eq!(replaced(&code, 0x4400, 0x4500), wanted);
-        // The value 0x4401 cannot be encoded as a modified immediate, so the instructions cannot load it.
+        // No modified immediate can encode 0x4401.
         assert!(replaced(&code, 0x4400, 0x4401).is_empty());
     }
 

@@ -1,7 +1,7 @@
 //! Damage to the code or the variables of a program in a board's memory.
 //!
 //! [`ImageFault::apply`] damages a board's memory while its core runs, as a debugger could, and returns the [`Repair`].
-//! [`rewrite()`] changes the values that a program stores to peripheral registers, as a [`Recording`] shows them.
+//! [`rewrite()`] changes the stores to peripheral registers that a [`Recording`] of the program has found.
 
 mod constant;
 mod record;
@@ -34,7 +34,7 @@ pub enum ImageFault {
         /// The bytes that the variable holds at the offset while it is damaged.
         bytes: Vec<u8>,
     },
-    /// A sequence of bytes in a function's code or literals, which must occur there once, is replaced.
+    /// A sequence of bytes, which must occur exactly once in a function's code and literals, is replaced.
     Replaced {
         /// The function: the symbol of a handler, or the end of a function's path.
         function: String,
@@ -47,7 +47,7 @@ pub enum ImageFault {
     Compared {
         /// The function: the symbol of a handler, or the end of a function's path.
         function: String,
-        /// The constant that the original code compares with.
+        /// The constant in the original code.
         with: u8,
         /// The new constant.
         value: u8,
@@ -136,7 +136,7 @@ impl ImageFault {
 pub struct Repair(Vec<(u64, Vec<u8>)>);
 
 impl Repair {
-    /// Writes `bytes` to memory at `address`. Code that the firmware copies to RAM is written both in flash and in RAM.
+    /// Writes `bytes` to memory at `address`. If the firmware runs a copy of this code in RAM, both are written.
     fn after_writing<B: Board, C: Cost>(node: &mut Node<B, C>, address: u64, bytes: &[u8]) -> Result<Self, Error> {
         let mut repair = Self::default();
         for address in std::iter::once(address).chain(twin(node, address)) {
@@ -152,13 +152,14 @@ impl Repair {
     ///
     /// # Errors
     ///
-    /// [`Error::NotMemory`] if `node` has no memory at a damaged address.
+    /// [`Error::NotMemory`] if `node` has no memory at an address that is to be damaged.
     pub fn mend<B: Board, C: Cost>(&self, node: &mut Node<B, C>) -> Result<(), Error> {
         self.0.iter().rev().try_for_each(|(address, was)| node.write(*address, was))
     }
 }
 
-/// Returns the address in RAM of code that is copied from `address` in flash, or the other way round.
+/// Returns the second address of code that the firmware copies from flash to RAM. For an address in flash it is the one
+/// in RAM, and for an address in RAM the one in flash.
 fn twin<B: Board, C: Cost>(node: &Node<B, C>, address: u64) -> Option<u64> {
     let [start, end, load] = ["__shot", "__ehot", "__sihot"].map(|symbol| node.address_of(symbol).ok());
     let (start, end, load) = (start?, end?, load?);
@@ -166,7 +167,7 @@ fn twin<B: Board, C: Cost>(node: &Node<B, C>, address: u64) -> Option<u64> {
     from(start).map(|offset| load + offset).or_else(|| from(load).map(|offset| start + offset))
 }
 
-/// Returns the address in flash of the byte at `address`, which may be in RAM if the code is copied there.
+/// Returns the address in flash of a byte at `address`, even if `address` is in the copy of the code in RAM.
 fn stored<B: Board, C: Cost>(node: &Node<B, C>, address: u64) -> u64 {
     let runs = node.address_of("__shot").is_ok_and(|start| address >= start);
     twin(node, address).filter(|_| runs).unwrap_or(address)

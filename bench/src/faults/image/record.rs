@@ -58,8 +58,7 @@ impl Store {
         let offset = if long {
             Offset::Immediate((second & 0xFFF).cast_signed())
         } else if second & 0x0F00 == 0x0C00 {
-            // In T4 of STR, and in T3 of STRB and STRH, these bits mean that the offset is subtracted and the base
-            // register stays as it is.
+            // STR (T4), STRB and STRH (T3) with these bits subtract the offset and keep the base register.
             Offset::Immediate(-(second & 0xFF).cast_signed())
         } else if second & 0x0FC0 == 0 {
             Offset::Register { rm: (second & 0xF) as u8, shift: (second >> 4 & 3) as u8 }
@@ -106,13 +105,14 @@ pub struct Recording {
     stores: BTreeSet<Stored>,
     pub(super) targets: BTreeSet<u32>,
     pub(super) conditional: BTreeSet<u32>,
-    /// For the address of each store, the address of the instruction that the core executed before the store.
+    /// For each store, by address, the address of the instruction that was executed before it.
     pub(super) before: BTreeMap<u32, u32>,
     last: u32,
 }
 
 impl Recording {
-    /// Runs `node` to `until` (ns). Calls `drain` after every step to take the signals that have left the board.
+    /// Runs `node` to `until` (ns) and records its stores. Calls `drain` after every step. `drain` must take the
+    /// signals of the board.
     #[must_use]
     pub fn of<B: Board, C: Cost>(node: &mut Node<B, C>, until: u64, drain: impl FnMut(&mut Node<B, C>)) -> Self {
         let mut recording = Self::default();
@@ -120,7 +120,7 @@ impl Recording {
         recording
     }
 
-    /// Continues a recording to `until` (ns), as [`Recording::of`] does, for example after new inputs.
+    /// Continues the recording to `until` (ns) as [`Recording::of`] does.
     pub fn go_on<B: Board, C: Cost>(
         &mut self,
         node: &mut Node<B, C>,
@@ -143,7 +143,7 @@ impl Recording {
                 .filter(|(address, ..)| *address >= PERIPHERALS);
             while node.instructions() == retired && node.now() < until && !node.is_asleep() {
                 node.advance(node.now() + 1);
-                // The node goes on only after the signals that left the board have been taken.
+                // The node stops until the signals of the board are taken.
                 drain(node);
             }
             let next = node.register(15);
@@ -171,7 +171,7 @@ pub(super) fn halves<B: Board, C: Cost>(node: &Node<B, C>, address: u32) -> (u16
     let mut bytes = [0; 4];
     let address = super::stored(node, u64::from(address));
     if node.read(address, &mut bytes).is_err() {
-        // If the halfword is the last one of a memory, a read of the two after it fails.
+        // A read of four bytes fails at the last halfword of a memory.
         let _ = node.read(address, &mut bytes[..2]);
     }
     (u16::from_le_bytes([bytes[0], bytes[1]]), u16::from_le_bytes([bytes[2], bytes[3]]))

@@ -22,7 +22,7 @@ use super::seal;
 use emulator_node::{Board, Error, Node};
 
 const ALIGNED: u32 = 0x100;
-/// The distance, bytes, from a store within which branches to it are searched for. No task has more code.
+/// Branches to a store are searched for within this distance, bytes, of the store. No task has more code.
 const NEAR: u32 = 0x2000;
 
 /// A change of all stores of a program to one register.
@@ -30,7 +30,7 @@ const NEAR: u32 = 0x2000;
 pub struct Change {
     /// The register's address.
     pub address: u32,
-    /// The patch's effect on a store to the register at `address`.
+    /// The change of a store to the register at `address`.
     pub to: To,
 }
 
@@ -44,7 +44,7 @@ pub enum To {
         /// The new values of the changed bits, at the bits' own positions.
         value: u32,
     },
-    /// Stores of one value store another value. Stores of any other value stay as they are.
+    /// A store of the value `of` stores `value` instead; other stores stay as they are.
     Instead {
         /// The value that the program stores.
         of: u32,
@@ -68,10 +68,10 @@ impl To {
 /// The reason why a program cannot be changed as requested.
 #[derive(Debug, thiserror::Error)]
 pub enum RewriteError {
-    /// The recording has no store that the change would affect.
+    /// The recording has no store that the change affects.
     #[error("nothing of the image is changed by {0:x?}")]
     NothingChanged(Change),
-    /// An instruction would have to be moved, but depends on its address.
+    /// The patch would have to move an instruction that depends on its address.
     #[error("at {at:#010x}: {why}")]
     Instruction {
         /// The instruction's address.
@@ -150,7 +150,8 @@ impl Code {
         let half = u16::from;
         let mut joins = vec![];
         for change in changes {
-            // The code is PUSH {a, b, c}; b = APSR; a = the store's address; c = the address of the changed register.
+            // The code is PUSH {a, b, c}, and then sets b = APSR, a = address of the store, c = address of the changed
+            // register.
             self.raw(&[0xB400 | saved, 0xF3EF, 0x8000 | half(b) << 8]);
             match store.offset {
                 Offset::Immediate(value) => {
@@ -167,7 +168,7 @@ impl Code {
                 }
             }
             self.load(c, change.address);
-            // The code is CMP a, c, and a BEQ that skips the branch to the next change.
+            // The code is CMP a, c, and BEQ over the branch to the next change.
             self.raw(&[0x4280 | half(c) << 3 | half(a), 0xD001]);
             let mut others = vec![self.hole()];
             if let To::Instead { of, .. } = change.to {
@@ -208,7 +209,7 @@ impl Code {
         }
     }
 
-    /// Assembles the instruction `encoding`, which stood at `pc`, so that it has the same effect at its new address.
+    /// Assembles an instruction from `pc` so that it has the same effect at its new address.
     fn moved(
         &mut self,
         pc: u32,
@@ -348,7 +349,7 @@ fn conditional_distance(first: u16, second: u16) -> i32 {
 ///
 /// # Errors
 ///
-/// A change affects no store in the recording, or an instruction cannot be replaced.
+/// [`RewriteError`] if a change affects no store in the recording, or if an instruction cannot be replaced.
 pub fn rewrite<B: Board, C: Cost>(
     node: &mut Node<B, C>,
     recording: &Recording,
@@ -359,7 +360,7 @@ pub fn rewrite<B: Board, C: Cost>(
         return Ok(());
     }
     let refuse = |at, why| Err(RewriteError::Instruction { at, why });
-    // The stubs begin just behind the program, because a firmware may execute only a part of its free flash.
+    // The stubs begin just behind the program, because the firmware may not execute all of its free flash.
     let end = node.address_of("__program_crc")? as u32 + 4;
     let mut stubs = Code { base: end.next_multiple_of(ALIGNED), halves: vec![] };
     let mut done = 0;
@@ -372,8 +373,7 @@ pub fn rewrite<B: Board, C: Cost>(
         let narrow = !is_wide(halves(node, site).0);
         let mut skip = None;
         let start = if recording.conditional.contains(&site) {
-            // The IT block has only the store. If the condition is false, the stub returns right after the IT
-            // instruction.
+            // The IT block contains only the store. If its condition is false, the stub returns at once.
             let it = halves(node, site - 2).0;
             if !narrow || it & 0xFF0F != 0xBF08 {
                 return refuse(site, "a store in an IT block of more than one instruction cannot be replaced");
@@ -382,8 +382,8 @@ pub fn rewrite<B: Board, C: Cost>(
             skip = Some(stubs.hole());
             site - 2
         } else if narrow && (targets.contains(&(site + 2)) || !can_move(node, site + 2)) {
-            // If the instruction after the store is a branch target or cannot be moved, the one before the store is
-            // moved.
+            // A branch takes four bytes, and this store has two. If the next instruction is a branch target or cannot
+            // be moved, the branch replaces the previous one instead.
             recording.before[&site]
         } else {
             site
@@ -425,13 +425,12 @@ pub fn rewrite<B: Board, C: Cost>(
         return Err(RewriteError::TooLong(stubs.here()));
     }
     stubs.write_to(node)?;
-    // The patch is never undone, so the repair of the CRC is dropped.
     let _ = seal(node)?;
     Ok(())
 }
 
-/// Whether the memory protection of either firmware permits execution at `address` in flash. The two boards' flash does
-/// not overlap.
+/// Whether either firmware's memory protection permits execution at `address`. The two boards' flash has different
+/// addresses.
 fn may_execute(address: u32) -> bool {
     let (horus, dpr) = (horus_tx_fw::protection::TASKS, dpr_fw::protection::TASKS);
     horus.allows(address, Access::Execute) || dpr.allows(address, Access::Execute)
@@ -484,7 +483,6 @@ mod tests {
             let [first, second] = bl_imm(distance, 0xF000, true);
             assert_eq!(bl_distance(first, second), distance);
         }
-        // The three BEQ.W branch by zero, far ahead, and back to themselves.
         assert_eq!(conditional_distance(0xF000, 0x8000), 0);
         assert_eq!(conditional_distance(0xF03F, 0xAFFF), 0xF_FFFE);
         assert_eq!(conditional_distance(0xF43F, 0xAFFE), -4);
@@ -492,7 +490,7 @@ mod tests {
 
     #[test]
     fn an_instruction_that_means_the_same_everywhere_is_copied() {
-        // These instructions have the same encoding at any address: ADDS r0, #1; DSB; MSR PRIMASK, r0; MOVW r1, #0.
+        // The instructions are ADDS r0, #1; DSB; MSR PRIMASK, r0; MOVW r1, #0.
         for encoding in [&[0x3001_u16][..], &[0xF3BF, 0x8F4F], &[0xF380, 0x8810], &[0xF240, 0x0100]] {
             assert_eq!(moved(0x800_0100, 0x804_0000, encoding), [unmoved(0x800_0100, encoding)]);
         }

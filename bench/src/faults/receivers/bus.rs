@@ -25,7 +25,7 @@ pub enum BusFault {
     NoAnswer,
     /// The receiver holds the clock for [`STRETCHED`] after each address.
     Stretches,
-    /// SDA is pulled low for [`GLITCH`], at intervals of [`GLITCHES`].
+    /// SDA is pulled low for the time [`GLITCH`], at intervals of [`GLITCHES`].
     Glitches,
     /// Bits that are read over I2C are inverted.
     Noise,

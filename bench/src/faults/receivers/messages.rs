@@ -20,7 +20,7 @@ pub(super) fn last_itow(bytes: &[u8]) -> Option<u32> {
     last
 }
 
-/// Returns `bytes` after `change` has been called for each whole UBX message in it, with class, identifier and payload.
+/// Returns `bytes` with the changes of `change`, which is called for each whole UBX message in them.
 pub(super) fn each_message(bytes: &[u8], mut change: impl FnMut(u8, u8, &mut Vec<u8>)) -> Vec<u8> {
     let mut changed = Vec::with_capacity(bytes.len());
     let mut rest = bytes;
@@ -59,7 +59,7 @@ fn itow_at(class: u8, id: u8, payload: &[u8]) -> Option<usize> {
         return Some(8);
     }
     let itow = Frame { class, id, payload }.itow_ms()?.to_le_bytes();
-    // The time of week is the first field, or follows a four-byte field with a version.
+    // The time of week is the first field of a message, or the second after a four-byte version.
     [0, 4].into_iter().find(|&at| payload.get(at..at + 4) == Some(&itow))
 }
 

@@ -62,8 +62,8 @@ pub enum ReceiverFault {
     Noise,
     /// Stop bits on the receiver's line are low: one in [`FRAMING_ONE_IN`].
     FramingErrors,
-    /// The receiver is silent in the first half of the episode. In the second half it has no fix, and its time begins
-    /// at 0.
+    /// The receiver is silent in the first half of the episode. In the second half it has no fix, and its time of week
+    /// begins at 0.
     Restarts,
     /// The receiver's position is wrong: it lies farther north by a distance.
     Jumps {
@@ -98,7 +98,7 @@ pub enum ReceiverFault {
         /// The error of the forward acceleration, cm/s².
         cm_s2: i32,
     },
-    /// The receiver states an accuracy of [`UNDERSTATED_MM`] although its error is larger.
+    /// The receiver states the accuracy [`UNDERSTATED_MM`], although the error of its position is larger.
     Understates,
     /// A field of the receiver's NAV-PVT messages has an impossible value.
     Absurd(Absurd),
@@ -114,7 +114,7 @@ pub enum ReceiverFault {
     BadChecksums,
     /// The receiver has its factory settings (NMEA, 1 Hz, 38 400 bit/s) until HORUS configures it.
     LosesSettings,
-    /// The receiver loses its configured dynamic model, which HORUS cannot detect.
+    /// The receiver loses its configured dynamic model. HORUS cannot detect this.
     ForgetsModel,
     /// The receiver's bus has a fault.
     Bus(BusFault),
@@ -133,7 +133,7 @@ pub enum Absurd {
     Speed,
     /// The accuracy is 0, which no receiver has.
     NoAccuracy,
-    /// The accuracy is 4295 km, the greatest value that the field can hold, which is useless.
+    /// The accuracy is 4295 km, the greatest value that the field can hold. It makes the position useless.
     HugeAccuracy,
 }
 
@@ -180,11 +180,11 @@ pub const LONGEST_SILENCE: u64 = 1_000_000_000;
 /// The longest time for which a line is held low by one frame, ns.
 const LONGEST_BREAK: u64 = 3_600_000_000_000;
 
-/// The number of UART frames that are generated at once: about a millisecond of them, and a multiple of [`BEGINNING`]'s
-/// length.
+/// The number of UART frames that are generated together: those of a millisecond, and a multiple of the length of
+/// [`BEGINNING`].
 const CHUNK: usize = 48;
 
-/// The first bytes of a NAV-PVT message whose length field has its greatest value.
+/// The beginning of a NAV-PVT message with the greatest length in its length field.
 const BEGINNING: [u8; 6] = [0xB5, 0x62, 0x01, 0x07, 0xFF, 0xFF];
 
 impl ReceiverFault {
@@ -245,8 +245,8 @@ impl ReceiverFault {
 /// UART frames that follow one another on a receiver's line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OnLine {
-    /// The instant at which the first frame's start bit begins, ns. If the line is busy then, the frames begin when it
-    /// is free.
+    /// The instant, ns, at which the first frame's start bit begins if the line is free. On a busy line the frames
+    /// begin later.
     pub at_ns: u64,
     /// The receiver's index, from 0.
     pub receiver: usize,
@@ -276,13 +276,13 @@ struct Active {
     fault: ReceiverFault,
     at: u64,
     until: u64,
-    /// The instant, ns, at which the fault next makes the receiver send bytes outside its bursts.
+    /// The instant, ns, of the next bytes that the faulty receiver sends outside its bursts.
     next: u64,
 }
 
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Line {
-    /// The present faults in order of their beginnings. Only the last one has an effect.
+    /// The present faults. Only the last of them has an effect.
     faults: Vec<Active>,
     last_itow: Option<u32>,
     /// The position in the receiver's last burst without a fault: longitude, latitude and height, in the units of
@@ -320,7 +320,8 @@ impl LineFaults {
         &mut self.lines[receiver]
     }
 
-    /// Begins `fault` at `at` until `until` (ns; `u64::MAX` for never). Only a receiver's latest fault has an effect.
+    /// Begins `fault` at `at`, until `until` (ns; `u64::MAX` for never). It replaces the effect of the receiver's
+    /// earlier faults.
     pub fn begin(&mut self, at: u64, until: u64, receiver: usize, fault: ReceiverFault) {
         let line = self.line(receiver);
         if fault == ReceiverFault::Break {
@@ -339,8 +340,8 @@ impl LineFaults {
         }
     }
 
-    /// Returns what appears on the line if the receiver sends `bytes` from `at` (ns) on. A delayed burst is kept for
-    /// [`LineFaults::take`].
+    /// Returns what is on the line when the receiver begins to send `bytes` at `at` (ns). [`LineFaults::take`] returns
+    /// a delayed burst later.
     pub fn burst(&mut self, at: u64, receiver: usize, bytes: &[u8]) -> Vec<OnLine> {
         let line = self.line(receiver);
         let Some(active) = line.faults.last().copied() else {
@@ -472,11 +473,11 @@ impl LineFaults {
             let bytes: Vec<u8> = match active.fault {
                 ReceiverFault::Babbles => (0..CHUNK).map(|_| self.rng.byte()).collect(),
                 ReceiverFault::Beginnings => BEGINNING.into_iter().cycle().take(CHUNK).collect(),
-                // The receiver sends MON-VER, which answers a poll of its version and which nobody has requested.
+                // The receiver sends MON-VER, the answer to a poll of its version, although nobody has polled it.
                 _ => ubx::frame(0x0A, 0x04, &[self.rng.byte(); CHUNK - ubx::OVERHEAD]),
             };
             let on_line = OnLine::clean(now, receiver, &bytes);
-            // The line is busy all the time, because the next group of frames begins as soon as this group ends.
+            // The next group of frames begins at the end of this one, so that the line is always busy.
             active.next = now + on_line.frames.iter().map(UartFrame::ns).sum::<u64>();
             taken.push(on_line);
         }
@@ -491,7 +492,7 @@ fn damaged(at_ns: u64, receiver: usize, frames: Vec<UartFrame>) -> OnLine {
     on_line
 }
 
-/// Returns the UART frame of `byte` with a high or a low stop bit. A low one is sent as a ninth data bit.
+/// Returns the UART frame of `byte`. A low stop bit is sent as a ninth data bit.
 const fn with_stop(byte: u8, high: bool) -> UartFrame {
     let frame = UartFrame::eight_n_one(byte, GNSS_BAUD);
     if high { frame } else { UartFrame { bits: 9, ..frame } }
@@ -502,6 +503,6 @@ const fn with_stop(byte: u8, high: bool) -> UartFrame {
 fn low_for(ns: u64) -> UartFrame {
     let character = UartFrame::eight_n_one(0, GNSS_BAUD);
     let ns = ns.clamp(character.ns(), LONGEST_BREAK);
-    // The frame has 10.5 bits: ten are low, and the last half is high.
+    // The frame has ten low bits, and half a bit that is high.
     UartFrame { bits: 9, stop_halves: 1, bit_ps: ns * 2_000 / 21, ..character }
 }

@@ -31,7 +31,6 @@ fn bytes(on_line: &[OnLine]) -> Vec<u8> {
     on_line.bytes().map(|byte| byte.expect("a clean burst has ordinary frames")).collect()
 }
 
-/// Returns the payloads of the messages in `bytes`, which must consist of messages.
 fn payloads(bytes: &[u8]) -> Vec<Vec<u8>> {
     let mut payloads = vec![];
     let mut rest = bytes;
@@ -79,7 +78,6 @@ fn of_two_faults_the_one_that_began_last_acts_until_it_ends() {
     assert_ne!(bytes(&faults.burst(2 * MS, 0, &burst(200))), burst(200));
 }
 
-/// Returns the bytes on the line in the first 20 ms of `fault`, a fault that leaves no pause.
 fn endless(fault: ReceiverFault) -> Vec<u8> {
     let mut faults = LineFaults::new(1);
     faults.begin(10 * MS, 30 * MS, 0, fault);
@@ -95,7 +93,6 @@ fn endless(fault: ReceiverFault) -> Vec<u8> {
     }
     faults.end(0, fault);
     assert_eq!(faults.next_at(), u64::MAX);
-    // At 46 080 bytes a second, 20 ms have 921 bytes. The frames that were generated last may end later.
     assert!((921..=970).contains(&all.len()), "{}", all.len());
     all
 }
@@ -160,7 +157,6 @@ fn a_jump_past_the_pole_ends_at_the_pole() {
     assert_eq!(word(&moved[0], 28), 900_000_000);
 }
 
-/// Returns how much a fault changes the words at `places` in a burst's NAV-PVT message. No other word may change.
 fn differs(fault: ReceiverFault, at: u64, places: &[usize]) -> Vec<i32> {
     let mut faults = with(fault);
     let (changed, was) = (payloads(&bytes(&faults.burst(at, 0, &burst(100)))), payloads(&burst(100)));
@@ -173,8 +169,6 @@ fn differs(fault: ReceiverFault, at: u64, places: &[usize]) -> Vec<i32> {
     places.iter().map(|place| word(&changed[0], *place).cast_signed()).collect()
 }
 
-/// Returns the bytes that a fault changes in message `number` of a burst (offset, old, new). No other message may
-/// change.
 fn changes(fault: ReceiverFault, number: usize) -> Vec<(usize, u8, u8)> {
     let (changed, was) = (payloads(&bytes(&with(fault).burst(MS, 0, &burst(100)))), payloads(&burst(100)));
     for other in (0..3).filter(|other| *other != number) {
@@ -199,7 +193,6 @@ fn a_receiver_that_is_turned_has_another_heading_within_a_turn() {
 
 #[test]
 fn a_receiver_that_is_pushed_has_another_acceleration_to_the_front() {
-    // The acceleration rises from 4 cm/s² to 504 cm/s², which is 0x01F8.
     assert_eq!(changes(ReceiverFault::Pushed { cm_s2: 500 }, 2), [(24, 4, 0xF8), (25, 0, 0x01)]);
     assert_eq!(changes(ReceiverFault::Pushed { cm_s2: -4 }, 2), [(24, 4, 0)]);
 }
@@ -216,7 +209,6 @@ fn a_receiver_that_is_off_is_so_in_all_three_directions() {
 fn a_receiver_that_drifts_is_farther_off_from_burst_to_burst() {
     let north = |at| differs(ReceiverFault::Drifts { mm_s: 20_000 }, at, &[28])[0] - 475_000_000;
     assert_eq!(north(0), 0);
-    // The receiver's position drifts by 20 m in a second.
     assert_eq!(north(100 * MS), 179);
     assert_eq!(north(1_000 * MS), 1_798);
     assert_eq!(north(3_000 * MS), 5_395);
@@ -375,7 +367,6 @@ fn a_framing_error_holds_the_stop_bit_low() {
     let on_line = faults.burst(MS, 0, &[0x5A; 10_000]).remove(0);
     let low: Vec<&UartFrame> = on_line.frames.iter().filter(|frame| frame.bits != 8).collect();
     assert!((550..700).contains(&low.len()), "{}", low.len());
-    // A receiver of eight data bits takes the ninth bit for the stop bit.
     assert!(low.iter().all(|frame| frame.bits == 9 && frame.data == 0x5A && frame.stop_halves == 2));
     assert!(!on_line.clean);
     assert_eq!(on_line.bytes().filter(Option::is_none).count(), low.len());

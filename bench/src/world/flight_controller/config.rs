@@ -42,8 +42,8 @@ pub struct Config {
     /// Whether the base station's uplinks come by radio ([`FlightController::write`](super::FlightController::write)).
     /// Otherwise the flight controller makes them up.
     pub relays: bool,
-    /// The seed of the commands to the active hold; `None` without a hold. With [`relays`](Self::relays) the flight
-    /// controller generates none, since the base station's commands come by radio.
+    /// The seed of the commands to the active hold; `None` without a hold. With [`relays`](Self::relays) the base
+    /// station's commands come by radio, and the flight controller generates none.
     pub hold: Option<u64>,
     /// The seed of all random values while the flight controller misuses the SSI.
     pub seed: u64,

@@ -1,9 +1,9 @@
-//! The flight controller's dealings with the active hold: it reads the hold's object and sends commands. If the flight
-//! controller generates the base station's uplinks, it sends the base station's commands too.
+//! The flight controller reads the hold's object and sends commands to the hold. It also sends the base station's
+//! commands if it generates the base station's uplinks.
 //!
-//! Each writer sends one command after the other, drawn from the seed: set-points within and beyond sensible limits,
-//! lock, unlock, clear, and words that no hold knows. Some uplinks carry another command under the number of an
-//! acknowledged one, or under the number before. The hold must not execute these.
+//! Each writer sends one command after the other, drawn from the seed: set-points (also impossible ones), lock, unlock,
+//! clear, and unknown commands. Some uplinks have another command with the number of an acknowledged one, or with an
+//! older number. The hold must not execute these.
 
 use profile::criticality::{BaseStation, FlightController, WritesUplink};
 use profile::hold::{Acknowledged, COMMAND_SIZE, HoldCommand, Sender, Sent, Words};
@@ -14,10 +14,10 @@ use crate::faults::Rng;
 
 /// The shortest and the longest time, ms, from the end of one command to the next one.
 const PAUSE: (u64, u64) = (300, 2_000);
-/// The time, ms, after which a writer gives a command up that the hold has not acknowledged.
+/// The time, ms, after which a writer gives up a command without an acknowledgement.
 const PATIENCE: u64 = 1_500;
 
-/// A word that no hold knows, in place of a command.
+/// A command word that no hold accepts.
 struct Unknown(u16);
 
 impl Words for Unknown {
@@ -37,7 +37,7 @@ pub struct Fates {
     pub sent: u64,
     /// The number of commands that the hold has acknowledged.
     pub acknowledged: u64,
-    /// The number of commands that the writer has given up, or that were lost with a restart of the hold.
+    /// The number of commands that the writer gave up, or that were lost when the hold restarted.
     pub lost: u64,
 }
 
@@ -45,8 +45,8 @@ pub struct Fates {
 #[derive(Clone, Debug)]
 struct Line<W> {
     sender: Sender<W>,
-    /// The instant at which the writer sends the next command or gives the present one up, ms on the flight
-    /// controller's clock.
+    /// The instant, ms on the flight controller's clock, at which the writer sends its next command or gives up the
+    /// present one.
     next_ms: u64,
     /// The number of the command that the hold acknowledged last.
     acknowledged: Option<Acknowledged>,
@@ -72,7 +72,7 @@ impl<W: WritesUplink> Line<W> {
         }
     }
 
-    /// Puts the writer's command, if there is one at `now_ms`, into the payload of its uplink.
+    /// Puts the writer's command at the instant `now_ms`, if any, into the payload of an uplink.
     fn fill(&mut self, payload: &mut [u8; Uplink::PAYLOAD], now_ms: u64, rng: &mut Rng) {
         if now_ms >= self.next_ms {
             if matches!(self.sender.sent(), Sent::Waiting(_)) {
@@ -118,14 +118,15 @@ pub struct HoldUser {
     timestamp: Option<u32>,
     base: Line<BaseStation>,
     own: Line<FlightController>,
-    /// Whether commands are sent to the hold; otherwise its object is only read.
+    /// Whether the flight controller sends commands to the hold.
     commands: bool,
-    /// The number of readings of the whole map with a valid Hold-Status, and the number without one.
+    /// The number of transactions that read the whole map with a valid Hold-Status, and the number of those without
+    /// one.
     pub shown: (u64, u64),
 }
 
 impl HoldUser {
-    /// Returns a reader that also sends commands, which follow from `seed`.
+    /// Returns a user of the hold that reads its object and sends commands, drawn from `seed`.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         let rng = Rng::stream(seed, 0x4100);
@@ -133,7 +134,7 @@ impl HoldUser {
         Self { rng, track: HoldTrack::new(), last: None, timestamp: None, base, own, commands: true, shown: (0, 0) }
     }
 
-    /// Returns a reader that sends no commands, because the base station's come by radio.
+    /// Returns a user of the hold that sends no commands, because the base station's commands come by radio.
     #[must_use]
     pub fn silent() -> Self {
         Self { commands: false, ..Self::new(0) }
@@ -153,8 +154,8 @@ impl HoldUser {
         }
     }
 
-    /// Puts a command into the payload of an uplink of `W` that is written at `own_ms` on the flight controller's
-    /// clock.
+    /// Puts a command into the payload of an uplink of writer `W`. The uplink is written at `own_ms` on the flight
+    /// controller's clock.
     pub fn fill<W: WritesUplink>(&mut self, payload: &mut [u8; Uplink::PAYLOAD], own_ms: u64) {
         if !self.commands {
             payload[..COMMAND_SIZE].fill(0);
@@ -165,13 +166,13 @@ impl HoldUser {
         }
     }
 
-    /// The state of the hold as of the last transaction.
+    /// The hold's state in the last transaction.
     #[must_use]
     pub fn last(&self) -> Option<&HoldReport> {
         self.last.as_ref()
     }
 
-    /// The outcomes of the base station's and of the flight controller's commands.
+    /// The outcomes of the base station's commands and of the flight controller's commands.
     #[must_use]
     pub fn fates(&self) -> [Fates; 2] {
         [self.base.fates, self.own.fates]

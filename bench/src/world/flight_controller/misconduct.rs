@@ -12,7 +12,7 @@ use crate::world::ssi::{Filler, Order, Pace};
 pub(super) enum Rhythm {
     /// A transaction begins in each control cycle, unless the transaction before is still under way.
     InCycle,
-    /// Each transaction begins as soon as the gap after the one before is over.
+    /// Each transaction begins as soon as the gap after the previous one is over.
     AtOnce,
     /// There are no transactions.
     Never,
@@ -21,7 +21,7 @@ pub(super) enum Rhythm {
 /// The number of bytes that [`Conduct::TenThousand`] reads in a transaction.
 const MANY: usize = 10_000;
 
-/// The number of bytes that [`Conduct::Lies`] reads in a transaction, which hold Link-Status and Reported-Position.
+/// The number of bytes that [`Conduct::Lies`] reads in a transaction: Link-Status and Reported-Position.
 const PART: usize = 96;
 
 /// The most bytes that the DPR accepts in a transaction: a request and an uplink object (docs/design.md#ssi).
@@ -112,14 +112,14 @@ impl Misconduct {
         Filler::Noise(Rng::new(self.noise.word()))
     }
 
-    /// Returns bytes in place of a request. They request nothing, or a window that the DPR must refuse.
+    /// Returns an invalid request: it requests nothing, or a window that the DPR must refuse.
     fn lie(&mut self) -> Vec<u8> {
         let image_len = self.config.image_len() as u64;
         let below = |noise: &mut Rng, bound| u16::try_from(noise.below(bound)).unwrap_or(u16::MAX);
         match self.noise.below(5) {
             0 => encode(Request { offset: 4_096, length: 64 }).to_vec(),
             1 => encode(Request { offset: 0, length: 0xFFFF }).to_vec(),
-            // A window is requested that begins within the image and ends beyond it.
+            // The requested window begins within the image and ends beyond it.
             2 => {
                 let offset = below(&mut self.noise, image_len);
                 let length = below(&mut self.noise, 1_000) + 1;
@@ -132,7 +132,7 @@ impl Misconduct {
     }
 }
 
-/// Returns a transaction without a byte. Chip select falls and rises once in `period_ns`.
+/// Returns a transaction without a byte: chip select falls and rises once in `period_ns`.
 fn edges(pace: Pace, period_ns: u64) -> Order {
     let low = period_ns / 2;
     Order { pace: Pace { setup_ns: low, hold_ns: 0, gap_ns: period_ns - low, ..pace }, ..Order::read(0) }
@@ -141,7 +141,8 @@ fn edges(pace: Pace, period_ns: u64) -> Order {
 /// The timestamp of the objects that [`uplink`] and [`each`] write, ms.
 const EARLY: u32 = 1_000;
 
-/// Returns an empty request, followed by an intact uplink object of the flight controller with an early timestamp.
+/// Returns an empty request with an intact uplink object of the flight controller. The object's timestamp never
+/// changes.
 fn uplink() -> Vec<u8> {
     object(EARLY, Identifier::UPLINK_FLIGHT_CONTROLLER)
 }

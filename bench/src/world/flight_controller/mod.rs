@@ -7,10 +7,10 @@
 //! the instant of its next action on the wires, and [`FlightController::act`] carries that action out through an
 //! [`SsiMaster`].
 //!
-//! The flight controller uses the client that real ones use, [`profile::ssi::client`]. The client determines what each
-//! transaction sends, finds the objects in the answer, and decides whether there is a position to fly by
-//! ([`Reading::report`]). [`Outcome`] is the bench's own evaluation. The flight controller forwards only whole and new
-//! profiles to the base station, unchanged ([`stream`]).
+//! The flight controller uses the client that real flight controllers use, [`profile::ssi::client`]. The client
+//! determines what each transaction sends, finds the objects in the answer, and decides whether there is a position to
+//! fly by ([`Reading::report`]). [`Outcome`] is the bench's own evaluation. The flight controller forwards only whole
+//! and new profiles to the base station, unchanged ([`stream`]).
 //!
 //! While a [`Conduct`] is set, the flight controller misuses the SSI, but still verifies what it reads.
 //!
@@ -72,7 +72,6 @@ pub struct FlightController {
     crystal: Crystal,
     master: SsiMaster,
     next_at: u64,
-    /// The number, from reset, of the control cycle in which the next transaction begins.
     cycle: u64,
     /// The transactions that begin at instants that the bench chooses, in order of time.
     placed: VecDeque<Placed>,
@@ -83,7 +82,7 @@ pub struct FlightController {
     client: Client,
     /// The reader of the hold's object; `None` without a hold.
     hold: Option<HoldUser>,
-    /// The windows to request in the next transactions that make no other request, in order.
+    /// The windows of the image to request, each in the next transaction that has no other request.
     requests: VecDeque<Request>,
     asked: Option<Request>,
     last: Option<Reading>,
@@ -140,8 +139,8 @@ impl FlightController {
         controller
     }
 
-    /// Requests a window of the image in the next transaction that makes no other request. The transaction after that
-    /// reads the window. If the DPR is busy, the request is repeated. Without requests every transaction reads the
+    /// Requests a window of the image, in the next transaction that has no other request. The transaction after that
+    /// one reads the window. While the DPR is busy the request is repeated. Without a request a transaction reads the
     /// whole image.
     ///
     /// # Panics
@@ -185,8 +184,8 @@ impl FlightController {
         self.plan();
     }
 
-    /// Sets the misuse of the SSI from `at` (ns) on; `None` ends it. An ordinary transaction under way is completed
-    /// first, but a misused one is cut short.
+    /// Sets the misuse of the SSI from `at` (ns) on; `None` ends it. A misused transaction is cut short, but an
+    /// ordinary one is completed first.
     pub fn set_conduct(&mut self, at: u64, conduct: Option<Conduct>) {
         if self.misconduct.take().is_some() {
             self.master.cut(at);
@@ -196,7 +195,7 @@ impl FlightController {
             self.misconduct = Some(Misconduct::new(conduct, self.config, self.config.seed ^ self.episodes));
             self.episodes += 1;
         } else {
-            // A transaction that is cut short completes its present byte, and then keeps the hold time and the gap.
+            // The transaction that is cut short completes its byte, the hold time and the gap.
             let pace = self.config.pace;
             self.not_before += self.crystal.by_the_bench(pace.byte_ns + pace.hold_ns + pace.gap_ns);
             let from = self.not_before;
@@ -217,9 +216,8 @@ impl FlightController {
         self.master.is_clocking()
     }
 
-    /// Carries out the due action on the DPR's pins. `wires` changes the bytes of MISO before the flight controller
-    /// receives them. Clocks without chip select belong to no transaction and are not returned. A finished transaction
-    /// contains the changed MISO, and [`Self::last`] is its evaluation.
+    /// Carries out the due action on the DPR's pins. `wires` changes the bytes of MISO on the way to the flight
+    /// controller. Clocks without chip select are not returned, because they belong to no transaction.
     ///
     /// # Panics
     ///
@@ -239,7 +237,7 @@ impl FlightController {
         told
     }
 
-    /// The evaluation of the last finished transaction.
+    /// Returns the evaluation of the last finished transaction.
     #[must_use]
     pub fn last(&self) -> Option<&Reading> {
         self.last.as_ref()
@@ -325,7 +323,7 @@ impl FlightController {
         let mut mosi = vec![0; self.client.capacity()];
         let bytes = self.client.begin(&mut mosi).expect("room for any transaction");
         if let Some(window) = refused {
-            // The client never requests a window outside the map. The request for one is therefore encoded here.
+            // The client refuses to request a window outside the map, so that request is encoded here.
             mosi[..ssi::REQUEST_SIZE].copy_from_slice(&ssi::encode(window));
         }
         mosi.truncate(bytes);
@@ -338,7 +336,7 @@ impl FlightController {
             uplinks::put(&object, &mut mosi);
         }
         let bytes = self.placed.pop_front().map_or(bytes, |placed| placed.bytes);
-        // The client evaluates only the image. The judge checks the rest of the map.
+        // The client evaluates the image, and the judge the rest of the map.
         let reads_map = self.config.writes && bytes == self.config.image_len() && uplinks::reads_map(self.cycle);
         let bytes = if reads_map { self.config.layout().map_len() } else { bytes };
         Order { mosi, pace: self.config.pace, ..Order::read(bytes) }

@@ -7,9 +7,9 @@ use profile::{Layout, LinkValues, Rejection};
 /// The result of a transaction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Outcome {
-    /// Everything that was read is intact: the whole image, with a profile that is not the one forwarded last.
+    /// The transaction read the whole image, no object is damaged, and the profile is not the one forwarded last.
     Fresh,
-    /// Everything that was read is intact, but there is no profile, or only the one that was forwarded last.
+    /// No object that was read is damaged, but there is no profile, or only the one that was forwarded last.
     Repeated,
     /// Every byte is 0xFF: the DPR was busy.
     Busy,
@@ -32,9 +32,9 @@ pub struct Reading {
     pub timestamp: Option<u32>,
     /// The number of valid objects of the profile.
     pub valid: usize,
-    /// The number of vacant objects among those that were read.
+    /// The number of objects that were read and are vacant.
     pub vacant: usize,
-    /// The first damage, if any: its offset in the image, and its kind.
+    /// The first damaged object: its offset in the image, and the kind of damage.
     pub damage: Option<(usize, Rejection)>,
     /// The profile that was forwarded to the base station; `None` unless the outcome is [`Outcome::Fresh`].
     pub forwarded: Option<Vec<u8>>,
@@ -43,8 +43,7 @@ pub struct Reading {
 }
 
 impl Reading {
-    /// Evaluates a transaction whose bytes have the contents `view`. `previous` is the timestamp of the last forwarded
-    /// profile.
+    /// Evaluates a transaction with the contents `view`. `previous` is the timestamp of the last forwarded profile.
     pub(super) fn of(selected_ns: u64, view: &View<'_>, layout: Layout, report: Report, previous: Option<u32>) -> Self {
         let mut reading = Self {
             selected_ns,
@@ -65,7 +64,7 @@ impl Reading {
         match view.link() {
             Some(Shown::Intact(link)) => reading.link = Some(link.values()),
             Some(Shown::Damaged(why)) => reading.damage = Some((image::LINK_STATUS, why)),
-            // Every image has a Link-Status, so a vacant one counts as damaged.
+            // A vacant Link-Status counts as damaged, because every image has one.
             Some(Shown::Vacant) => reading.damage = Some((image::LINK_STATUS, Rejection::Crc)),
             None => {}
         }

@@ -67,7 +67,7 @@ impl Rig {
         self.controller.act(&mut self.pins, &mut self.wires)
     }
 
-    /// Runs one transaction against a DPR that sends `shown` and then zeros. Returns the bytes on MOSI.
+    /// Runs one transaction in which the DPR sends `shown` and then zeros. Returns the bytes on MOSI.
     fn transact(&mut self, shown: &[u8]) -> Vec<u8> {
         self.pins.shown = shown.to_vec();
         loop {
@@ -131,7 +131,7 @@ fn a_fast_crystal_gets_there_early_and_a_slow_one_late() {
         rig.controller.next_at()
     };
     assert_eq!(at_cycle_1000(0), 4_000_000_000);
-    // In 4 s an error of 50 ppm adds up to 200 µs, less 10 ns of second order.
+    // In 4 s a crystal error of 50 ppm adds up to 200 µs. The second-order term of the error is 10 ns.
     assert_eq!(at_cycle_1000(50_000), 4_000_000_000 - 199_990);
     assert_eq!(at_cycle_1000(-50_000), 4_000_000_000 + 200_010);
 }
@@ -206,7 +206,7 @@ fn its_client_shows_a_position_from_the_fourth_cycle_on() {
         .collect();
     let positions: Vec<_> = shown.iter().map(|report| report.position.map(|position| position.timestamp)).collect();
     assert_eq!(positions, [None, None, None, Some(40), Some(50)]);
-    // The age is 6.1 ms from Link-Status, and at most 25 ms for which the DPR may keep an image.
+    // Link-Status states 6.1 ms, and the DPR may have kept the image for up to 25 ms.
     assert_eq!(shown[4].age_us, 31_100);
     let ages: Vec<_> = (0..8)
         .map(|_| {
@@ -233,7 +233,6 @@ fn a_busy_dpr_is_told_from_a_damaged_image() {
         assert_eq!(rig.outcome(), Outcome::BadCrc, "bit {bit}");
     }
     assert!(rig.controller.take_downlink().is_empty(), "nothing damaged is forwarded");
-    // The first undamaged reading of the profile makes it fresh.
     rig.transact(&image);
     assert_eq!(rig.outcome(), Outcome::Fresh);
     let stats = rig.controller.stats();
@@ -326,8 +325,7 @@ fn a_window_that_met_a_busy_dpr_is_read_next() {
     let image = image_of(&profile(10));
     rig.controller.request(Request { offset: 96, length: 60 });
     rig.transact(&image);
-    // The DPR is busy and loses the second request. The next transaction therefore reads the window of the first
-    // request.
+    // The busy DPR does not receive the second request, so the next transaction reads the window of the first.
     rig.controller.request(Request { offset: 216, length: 60 });
     let asking = rig.transact(&[0xff; 60]);
     assert_eq!(rig.outcome(), Outcome::Busy);
@@ -350,7 +348,7 @@ fn an_uplink_from_the_radio_takes_the_place_of_a_generated_one() {
     let mut written = vec![];
     for cycle in 0..40 {
         if cycle == 10 {
-            // In cycle 10 the flight controller's own uplink would be due.
+            // The flight controller's own uplink is due in cycle 10 too.
             rig.controller.write(Written::BaseStation(&uplink));
         }
         let mosi = rig.transact(if uplinks::reads_map(cycle) { &map } else { &image });
@@ -362,7 +360,6 @@ fn an_uplink_from_the_radio_takes_the_place_of_a_generated_one() {
     let ports = rig.controller.take_ports();
     assert_eq!(ports.len(), 4, "each tenth cycle");
     assert!(ports.iter().all(|(_, port)| port[..64] == *port_bytes(&map) && port[64..] == *uplink.as_bytes()));
-    // With a damaged Port-Status, the flight controller reports neither Port-Status nor the uplink behind it.
     let mut damaged = map;
     damaged[280] ^= 1;
     for cycle in 40..50 {
@@ -408,15 +405,12 @@ fn it_sees_and_forwards_what_the_wires_made_of_miso() {
     let mut vacant = image[32..].to_vec();
     vacant[184..].fill(0);
     assert_eq!(rig.last().forwarded, Some(vacant));
-    // The requested window has the object at its offset in the map.
     rig.controller.request(Request { offset: 216, length: 60 });
     rig.transact(&image);
     rig.transact(&image[216..]);
     assert_eq!((rig.last().offset, rig.last().vacant), (216, 1));
 }
 
-/// Runs a misuse of the SSI from 10 ms to 50 ms. Returns the misused transactions, all transactions, and the controller
-/// with its pins.
 fn misused(conduct: Conduct, image: &[u8]) -> (Vec<Transaction>, Vec<Transaction>, Rig) {
     let mut rig = rig();
     rig.pins.shown = image.to_vec();
@@ -453,7 +447,7 @@ fn misconduct_ends_on_time_and_the_normal_cycle_resumes() {
 #[test]
 fn each_conduct_keeps_the_rate_that_it_states() {
     let image = image_of(&profile(10));
-    // Each row has the number of transactions that begin in 40 ms, and the bytes in each.
+    // A row has the number of transactions that begin in 40 ms, and the bytes in each.
     for (conduct, count, bytes) in [
         (Conduct::Hammers, 8_000, 1),
         (Conduct::ZeroBytes, 3_077, 0),
@@ -472,8 +466,7 @@ fn each_conduct_keeps_the_rate_that_it_states() {
         (Conduct::Silent, 0, 0),
         (Conduct::Edges(50_000), 800, 0),
         (Conduct::Every { period_ns: 200_000, bytes: 96 }, 200, 96),
-        // A transaction of one byte takes 1 µs of set-up, 1 µs for the byte and 2 µs of hold. The next one follows 0.3
-        // µs later.
+        // The transaction takes 1 µs for set-up, 1 µs for its byte, 2 µs for hold, and a gap of 0.3 µs.
         (Conduct::Every { period_ns: 1_000, bytes: 1 }, 9_302, 1),
     ] {
         let (meanwhile, _, rig) = misused(conduct, &image);

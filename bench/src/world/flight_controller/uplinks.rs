@@ -11,8 +11,7 @@ const UPLINK_EVERY: u64 = 10;
 /// The number of control cycles from one command to the next: one second.
 const COMMAND_EVERY: u64 = 250;
 
-/// The index, within [`UPLINK_EVERY`] control cycles, of the cycle in which the whole map is read and nothing is
-/// written.
+/// The position, within [`UPLINK_EVERY`] control cycles, of the cycle that reads the whole map and writes nothing.
 const MAP_READ: u64 = 8;
 
 const MS: u64 = 1_000_000;
@@ -23,8 +22,8 @@ pub fn reads_map(cycle: u64) -> bool {
     cycle % UPLINK_EVERY == MAP_READ
 }
 
-/// Returns the object to write in control cycle number `cycle`; `None` in most cycles. The cycle begins at `own_ns` by
-/// the flight controller's clock. `hold` has the commands to a hold.
+/// Returns the object to write in control cycle `cycle`, which begins at `own_ns` by the flight controller's clock;
+/// `None` in most cycles. `hold` provides the commands to a hold.
 #[must_use]
 pub fn written(cycle: u64, own_ns: u64, hold: Option<&mut HoldUser>) -> Option<[u8; Uplink::SIZE]> {
     let timestamp = u32::try_from(own_ns / MS % (1 << 32)).unwrap_or(u32::MAX);
@@ -39,7 +38,7 @@ pub fn written(cycle: u64, own_ns: u64, hold: Option<&mut HoldUser>) -> Option<[
     }
 }
 
-/// Whether the bytes for MOSI have no object after the request.
+/// Whether these bytes for MOSI have no object after the request.
 #[must_use]
 pub fn is_free(mosi: &[u8]) -> bool {
     mosi.iter().skip(REQUEST_SIZE).take(Uplink::SIZE).all(|byte| *byte == 0)
@@ -52,7 +51,7 @@ pub fn put(object: &[u8; Uplink::SIZE], mosi: &mut Vec<u8>) {
     mosi[REQUEST_SIZE..end].copy_from_slice(object);
 }
 
-/// Returns an uplink of the writer `W` whose payload changes with its timestamp. With a hold, the payload begins with a
+/// Returns an uplink of writer `W` whose payload depends on its timestamp. With a hold, the payload begins with a
 /// command.
 fn uplink<W: WritesUplink>(timestamp: u32, own_ns: u64, hold: Option<&mut HoldUser>) -> [u8; Uplink::SIZE] {
     let bytes = timestamp.to_le_bytes();

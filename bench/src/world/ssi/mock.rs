@@ -1,4 +1,5 @@
-//! A DPR's pins for unit tests. They record every action on them and send on MISO the bytes that the test sets.
+//! The pins of a DPR for unit tests. They record every action of the flight controller, and send the test's bytes on
+//! MISO.
 
 use emulator_part::SpiMode;
 
@@ -7,8 +8,8 @@ use super::{Order, Progress, SsiMaster, SsiPort, Start, Transaction};
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Done {
     Select(u64),
-    /// Bytes were clocked. The fields are the instants (ns) of the last edges of the first and of the last byte, the
-    /// bytes on MOSI, and the SPI mode.
+    /// The clocked bytes: the instants (ns) of the last clock edges of the first and of the last byte, the bytes on
+    /// MOSI, and the SPI mode.
     Bytes(u64, u64, Vec<u8>, SpiMode),
     Deselect(u64),
 }
@@ -17,7 +18,7 @@ pub(crate) enum Done {
 pub(crate) struct Pins {
     pub(crate) now: u64,
     pub(crate) done: Vec<Done>,
-    /// The bytes that each transaction reads first on MISO; zeros follow.
+    /// The bytes that each transaction reads on MISO. Zeros follow these bytes.
     pub(crate) shown: Vec<u8>,
     pub(crate) quiet: usize,
     index: usize,

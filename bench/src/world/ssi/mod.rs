@@ -5,12 +5,12 @@
 //! select rises. The instants follow the flight controller's own [`Crystal`]. Every SSI transaction of the bench is
 //! carried out in this way, also those of misuses and tests.
 //!
-//! Up to 16 bytes are transferred to the DPR's model together, when the last of them has been clocked. EasyDMA
-//! therefore accesses the DPR's memory up to 16 µs late. No event is late, because a group of bytes ends with the byte
-//! that raises an event ([`SsiPort::quiet`]).
+//! Up to 16 bytes are transferred to the DPR's model together, at the instant of the last one. EasyDMA therefore
+//! accesses the DPR's memory up to 16 µs late. Events are in time, because a group of bytes ends with a byte that
+//! raises an event ([`SsiPort::quiet`]).
 //!
-//! An action takes effect on the DPR's pin at the DPR's first instruction boundary after the action was due. Later
-//! actions follow the due instants, whereas a [`Transaction`] has the instants at the pin.
+//! An action on a pin takes effect at the DPR's next instruction boundary. This does not delay later actions. The
+//! instants in a [`Transaction`] are those at the pin.
 
 use cortex_m4::Cost;
 use emulator_part::SpiMode;
@@ -41,7 +41,7 @@ pub trait SsiPort {
     /// Makes chip select rise now.
     fn deselect(&mut self);
 
-    /// Returns how many bytes can be clocked before the DPR's peripheral raises an event; `usize::MAX` for any number.
+    /// Returns how many bytes can be clocked before the DPR's SPIS raises an event; `usize::MAX` if it raises none.
     fn quiet(&self) -> usize;
 }
 
@@ -90,7 +90,7 @@ impl Crystal {
     pub const fn by_the_bench(self, own_ns: u64) -> u64 {
         const BILLION: u64 = 1_000_000_000;
         let rate = BILLION.checked_add_signed(self.ppb).expect("a crystal that swings");
-        // Whole multiples of `rate` are converted separately, so that each product fits into 64 bits.
+        // The duration is divided in two, so that each product fits into 64 bits.
         own_ns / rate * BILLION + (own_ns % rate * BILLION + rate / 2) / rate
     }
 
@@ -103,7 +103,7 @@ impl Crystal {
     }
 }
 
-/// An instant given by two times: one in the bench's time, and a further time by the flight controller's clock.
+/// The beginning of a transaction: a time by the flight controller's clock after an instant in the bench's time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Start {
     /// The instant in the bench's time to which [`Self::own_ns`] is added, ns.
@@ -134,7 +134,7 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// The fastest pace that [`timing`] allows.
+    /// The fastest times that [`timing`] allows.
     pub const FASTEST: Self = Self {
         setup_ns: timing::CSN_SETUP_NS as u64,
         byte_ns: 8 * 1_000_000_000 / timing::MAX_CLOCK_HZ as u64,
@@ -149,7 +149,7 @@ impl Pace {
     }
 }
 
-/// The bytes on MOSI after those of `Order::mosi`.
+/// The bytes on MOSI after the given ones.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Filler {
     /// This byte is repeated.
@@ -163,13 +163,14 @@ pub enum Filler {
 pub struct Order {
     /// Whether chip select falls at the beginning. Otherwise the bytes are clocked while the DPR is not selected.
     pub selects: bool,
-    /// Whether chip select rises after the last byte. Otherwise it stays low until [`SsiMaster::cut`] is called.
+    /// Whether chip select rises after the last byte. Otherwise the DPR stays selected until [`SsiMaster::cut`] is
+    /// called.
     pub lets_go: bool,
     /// The number of bytes that are clocked. [`Order::ENDLESS`] clocks until [`SsiMaster::cut`] is called.
     pub bytes: usize,
     /// The first bytes on MOSI.
     pub mosi: Vec<u8>,
-    /// The bytes on MOSI after those of `mosi`.
+    /// The bytes on MOSI after [`Self::mosi`].
     pub filler: Filler,
     /// Clock polarity and phase.
     pub mode: SpiMode,
@@ -178,7 +179,7 @@ pub struct Order {
 }
 
 impl Order {
-    /// The number of bytes that stands for a transaction without an end: only [`SsiMaster::cut`] ends it.
+    /// The number of bytes of a transaction that only [`SsiMaster::cut`] ends.
     pub const ENDLESS: usize = usize::MAX;
 
     /// Returns a transaction of `bytes` bytes without a request, as fast as docs/design.md#ssi allows.
@@ -263,12 +264,12 @@ pub enum Progress {
 struct UnderWay {
     order: Order,
     start: Start,
-    /// The instant at which chip select fell at the DPR's pin, ns; `None` if it has not fallen yet.
+    /// The instant at which chip select fell at the DPR's pin, ns; `None` before the fall.
     selected_ns: Option<u64>,
     done: usize,
     /// The number of bytes in the group that is being clocked.
     run: usize,
-    /// The instant, ns, at which chip select rises; set in a transaction that is cut short.
+    /// The instant, ns, at which chip select rises, if the transaction is cut short.
     released: Option<u64>,
     mosi: Vec<u8>,
     miso: Vec<u8>,
@@ -301,8 +302,8 @@ impl SsiMaster {
         self.under_way.as_ref().is_some_and(|it| it.run > 0)
     }
 
-    /// The earliest instant at which chip select may fall again, ns: after the present transaction and its gap. It is
-    /// `u64::MAX` if the transaction has no end.
+    /// Returns the earliest instant, ns, at which another transaction may begin; `u64::MAX` if the present one has no
+    /// end.
     #[must_use]
     pub fn free_at(&self) -> u64 {
         let Some(it) = &self.under_way else { return self.free_ns };
@@ -416,7 +417,7 @@ impl SsiMaster {
     }
 }
 
-/// Plans how many bytes are clocked together next.
+/// Sets the number of bytes that are transferred together next.
 fn planned(mut it: UnderWay, port: &impl SsiPort) -> UnderWay {
     it.run = (it.order.bytes - it.done).min(RUN).min(port.quiet().max(1));
     it

@@ -9,7 +9,6 @@ fn at(bench_ns: u64) -> Start {
     Start { bench_ns, own_ns: 0 }
 }
 
-/// Runs `master` to `end` (ns) and returns the results of its actions.
 fn run(master: &mut SsiMaster, pins: &mut Pins, end: u64) -> Vec<Progress> {
     let mut told = vec![];
     while master.next_at() <= end {
@@ -57,7 +56,7 @@ fn a_run_ends_with_the_byte_that_raises_an_event() {
 #[test]
 fn instants_go_by_the_crystal_from_the_start_on() {
     let crystal = Crystal { ppb: 50_000 };
-    // In 4 s an error of 50 ppm adds up to 200 µs, less 10 ns of second order.
+    // In 4 s a crystal error of 50 ppm adds up to 200 µs. The second-order term of the error is 10 ns.
     assert_eq!(crystal.by_the_bench(4_000_000_000), 4_000_000_000 - 199_990);
     assert_eq!(Crystal { ppb: -50_000 }.by_the_bench(4_000_000_000), 4_000_000_000 + 200_010);
     let mut master = SsiMaster::new(crystal);
@@ -72,7 +71,7 @@ fn instants_go_by_the_crystal_from_the_start_on() {
 
 #[test]
 fn each_byte_of_a_run_has_its_last_edge() {
-    // The clock is 2.5 % fast. The actions are due at 2, 3, 4 and 5 µs by this clock.
+    // The crystal is 2.5 % fast, so each byte ends slightly less than 2, 3, 4 or 5 µs after the start.
     let mut master = SsiMaster::new(Crystal { ppb: 25_000_000 });
     let mut pins = Pins::showing(&[5, 6, 7, 8]);
     master.begin(at(100), Order { mosi: vec![1, 2, 3, 4], ..Order::read(4) });
@@ -106,7 +105,7 @@ fn a_transaction_that_does_not_let_go_ends_when_it_is_cut() {
 
 #[test]
 fn a_transaction_that_is_cut_clocks_its_current_byte_to_the_end() {
-    // The bytes take 1 µs each. At 50 µs 49 of them are done, and at 50.5 µs the 50th is under way.
+    // The bytes take 1 µs each.
     for (cut, bytes, rises) in [(50_500, 50, 53_000), (50_000, 49, 52_000), (1_000, 0, 3_000), (400, 0, 2_400)] {
         let mut master = SsiMaster::new(STANDARD);
         let mut pins = Pins::showing(&[]);

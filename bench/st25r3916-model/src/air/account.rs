@@ -29,7 +29,7 @@ pub struct Counters {
     pub scattered: u64,
     /// Frames that [`AirFaults::frozen`] replaced by an earlier one.
     pub frozen: u64,
-    /// The number of times that a frame began during another frame. Neither of the two arrives whole.
+    /// The number of frames that began during another frame. Both are lost or broken off.
     pub collisions: u64,
     /// The number of times that [`AirFaults::field_off`] switched the field off.
     pub field_off: u64,
@@ -37,7 +37,7 @@ pub struct Counters {
     pub answers: u64,
 }
 
-/// The last frame of the poller that has ended.
+/// The poller's last complete or broken frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LastFrame {
     /// The instant of the frame's first bit, ns.
@@ -143,7 +143,7 @@ impl Account {
         let count = match fault {
             Fault::BitError => &mut counters.bit_errors,
             Fault::Burst => &mut counters.bursts,
-            // A lost frame is counted when it ends, whatever the reason of its loss.
+            // Lost frames are counted at their ends.
             Fault::Lost => return,
             Fault::Cut => &mut counters.cut,
             Fault::Repeated => &mut counters.repeated,

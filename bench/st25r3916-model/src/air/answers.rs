@@ -16,9 +16,8 @@
 //!
 //! # A foreign card
 //!
-//! A foreign card answers a frame of the poller with random bytes: a whole frame of NFC-F with correct LEN and CRC-16.
-//! If card and listener answer at the same time, both answers are lost: the earlier one breaks off when the later one
-//! begins, and masks the sync of the later one.
+//! A foreign card answers a frame of the poller with a whole NFC-F frame of random bytes. If two answers collide, the
+//! earlier one breaks off, and the later one is lost because its sync is masked.
 
 use super::faults::within;
 use super::{Air, AirFaults, Counters, Heard, SentFrame};
@@ -55,16 +54,16 @@ pub struct AnswerPath {
     foreign: ForeignCard,
     rng: SplitMix,
     due: Option<u64>,
-    /// The end of the foreign card's present answer, ns, and the answer's number of data bits.
+    /// The foreign card's present answer: its end, ns, and its number of data bits.
     foreign_ends: Option<(u64, u32)>,
-    /// Whether the listener's present answer is on the air (`true`) or was lost in a collision; `None` without an
+    /// Whether the listener's present answer is on the air, or was lost in a collision (`false`); `None` without an
     /// answer.
     answering: Option<bool>,
     collisions: u64,
     foreign_answers: u64,
 }
 
-/// Returns a function that passes frames to `hears`, but not the carrier, which the poller itself makes.
+/// Returns a function that passes only frames to `hears`, because the carrier is the poller's own.
 fn frames(hears: &mut impl FnMut(u64, &AirEvent)) -> impl FnMut(u64, &AirEvent) {
     |at, event| {
         if !matches!(event, AirEvent::FieldOn | AirEvent::FieldOff) {
@@ -156,8 +155,8 @@ impl AnswerPath {
         }
     }
 
-    /// Passes the poller's emissions over `air` and the listener's over this path, and advances both to the chips'
-    /// time.
+    /// Passes the poller's emissions over `air` and the listener's over this path, and advances both to the present
+    /// instant of the chips.
     pub fn carry(&mut self, air: &mut Air, poller: &mut Chip, listener: &mut Chip) {
         loop {
             for (at, event) in poller.take_air().collect::<Vec<_>>() {
@@ -191,8 +190,8 @@ impl AnswerPath {
         self.foreign_answers
     }
 
-    /// Returns the answers that the listener and a foreign card sent since the last call, as [`Air::take_sent`] does
-    /// for frames. An answer that was lost in a collision before its first bit is not among them.
+    /// Returns the answers of the listener and of a foreign card since the last call, as [`Air::take_sent`] does for
+    /// frames. Answers that collided before their first bit are left out.
     pub fn take_sent(&mut self) -> Vec<SentFrame> {
         self.air.take_sent()
     }

@@ -49,7 +49,7 @@ pub(super) fn within(rng: &mut SplitMix, (shortest, longest): (u64, u64)) -> u64
     shortest.saturating_add(rng.up_to(longest.saturating_sub(shortest)))
 }
 
-/// Returns the number of inverted bits in a frame's sync, which is 0 for NFC-A, because NFC-A has no sync.
+/// Returns the number of inverted bits in a frame's sync. It is 0 for NFC-A, which has no sync.
 pub(super) fn sync_errors(rng: &mut SplitMix, faults: &AirFaults, frame: &FrameStart) -> u64 {
     if faults.bit_error <= 0.0 || frame.technology != Technology::NfcF {
         return 0;

@@ -18,7 +18,7 @@ fn announced(technology: Technology, first: Option<&u8>) -> Option<usize> {
     }
 }
 
-/// Returns the number of data bits that the whole frame should have, as far as is known at its start.
+/// Returns the number of data bits in the whole frame, as announced at the start of the frame.
 pub(super) fn expected_bits(start: &FrameStart) -> u64 {
     let data = &start.chunk.data;
     8 * announced(start.technology, data.first()).unwrap_or(data.len()) as u64
@@ -92,10 +92,10 @@ pub(super) struct Flight {
     /// The frame's events after its start, each with the time from its first bit, ns. Events after the frame's end are
     /// ignored.
     pub(super) later: VecDeque<(u64, Later)>,
-    /// Whether the frame carries the bytes of an earlier frame, so that the poller's further bytes are ignored.
+    /// Whether the frame carries the bytes of an earlier frame. If so, the poller's further bytes are ignored.
     pub(super) frozen: bool,
     pub(super) changed: bool,
-    /// The faults in the frame, each with the time from the frame's first bit to the first faulty bit, ns.
+    /// The faults in the frame, each with the time, ns, from the frame's first bit to the first bit with the fault.
     pub(super) marks: VecDeque<(u64, Fault)>,
 }
 
@@ -115,7 +115,7 @@ impl Flight {
         }
     }
 
-    /// Returns a repetition of this frame as it was received. The repetition begins at `due` and takes `took` ns.
+    /// Returns a repetition of the received frame that begins at `due` and takes `took` ns.
     pub(super) fn again(self, id: u64, due: u64, took: u64, bits: u32) -> Self {
         let later = VecDeque::from([(took, Later::End { bits, whole: true })]);
         let (origin, burst, marks) = (Origin::Repeated, vec![], VecDeque::new());
@@ -138,7 +138,7 @@ impl Flight {
         self.later.push_back((end, Later::End { bits, whole: false }));
     }
 
-    /// Returns the frame as it was received, from `began` to `ended_ns`, with `bits` data bits.
+    /// Returns the received frame, which lasted from `began` to `ended_ns` and has `bits` data bits.
     pub(super) fn heard(&self, began: u64, ended_ns: u64, bits: u32, whole: bool) -> Heard {
         let mut bytes = self.start.chunk.data.clone();
         if !whole {

@@ -137,8 +137,7 @@ impl Air {
                 self.sending_breaks_off(at, &mut hears);
                 self.frame_started(at, frame);
             }
-            // The air advances only after it has recorded the end of the frame, on which the events that are due at
-            // `at` depend.
+            // The events that are due at `at` depend on a frame's end, so the end is recorded first.
             AirEvent::Bytes(chunk) => self.frame_goes_on(at, chunk),
             AirEvent::FrameEnd { bits } => self.frame_ended(at, bits),
         }
@@ -166,7 +165,7 @@ impl Air {
             let ends = self.on_air.as_ref().and_then(|(began, flight)| flight.next(*began));
             let begins = (0..self.waiting.len()).filter_map(|i| Some((self.waiting[i].due?, i))).min();
             match (ends, begins) {
-                // If one frame ends at the instant at which another begins, the two do not collide.
+                // Two frames do not collide if one begins at the instant at which the other ends.
                 (Some(at), _) if at <= to && begins.is_none_or(|(due, _)| at <= due) => self.goes_on(&mut hears),
                 (_, Some((due, index))) if due <= to => self.begins(due, index, &mut hears),
                 _ => break,
@@ -200,8 +199,8 @@ impl Air {
     /// "scatter", "field off" and "frozen".
     ///
     /// A bit error or a burst has the instant at which its first wrong bit reaches the listener. A cut has the instant
-    /// of the frame's end there, and a repetition that of its first bit. All other faults, and an error in the sync,
-    /// have the instant at which the poller sent the frame's first bit.
+    /// at which the frame ends at the listener. A repetition has the instant of its own first bit there. All other
+    /// faults, and an error in the sync, have the instant at which the poller sent the frame's first bit.
     pub fn take_injected(&mut self) -> Vec<(u64, &'static str)> {
         std::mem::take(&mut self.account.injected)
     }
@@ -277,7 +276,7 @@ impl Air {
         self.account.sent.push(sent);
     }
 
-    /// Ends the present frame of the poller at `at`. The poller has begun its next frame, or its carrier goes off.
+    /// Ends the poller's present frame at `at`, because the poller's next frame begins or its carrier goes off.
     fn sending_breaks_off(&mut self, at: u64, hears: &mut impl FnMut(u64, &AirEvent)) {
         if let Some(sending) = &self.sending {
             let bits = sending.bits_by(at);
@@ -382,7 +381,7 @@ fn damage(rng: &mut SplitMix, flight: &mut Flight, first: usize, chunk: &mut Chu
     flight.changed |= *chunk != before;
 }
 
-/// Returns the poller's frame number `id`; `None` if it has ended at the listener.
+/// Returns the poller's frame with the number `id`; `None` if it has already ended at the listener.
 fn flight_of<'a>(on_air: &'a mut Option<(u64, Flight)>, waiting: &'a mut [Flight], id: u64) -> Option<&'a mut Flight> {
     let on_air = on_air.iter_mut().map(|(_, flight)| flight);
     on_air.chain(waiting).find(|flight| flight.id == id)

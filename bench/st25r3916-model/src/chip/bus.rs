@@ -104,8 +104,8 @@ impl Chip {
         self.spi.state = State::Mode;
     }
 
-    /// Returns each rise of chip select, virtual ns, that ended a transmit command (C4 to C7) since the last call. It
-    /// is the last instant of a transmission that the controller determines.
+    /// Returns the instants, virtual ns, at which chip select rose after a transmit command (C4 to C7) since the last
+    /// call. This rise is the controller's last influence on the instant of a transmission.
     pub fn take_transmits(&mut self) -> Vec<u64> {
         std::mem::take(&mut self.transmits)
     }
@@ -116,7 +116,7 @@ impl Chip {
             0x40..=0x7F => self.read_from(Space::A, byte & 0x3F),
             0x80 => State::Load,
             0x9F => self.read_fifo(),
-            // A0, A8 and AC load the NFC-A, NFC-F or TSN section of the passive target memory; BF reads the memory.
+            // A0, A8 and AC load a section of the passive target memory (NFC-A, NFC-F, TSN); BF reads the memory.
             0xA0 => State::LoadTarget(0),
             0xA8 => State::LoadTarget(15),
             0xAC => State::LoadTarget(36),

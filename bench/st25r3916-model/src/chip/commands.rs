@@ -61,8 +61,8 @@ impl Chip {
             0xD5 => core.set_a(reg::GAIN, 0),
             0xD6 => {
                 supply::suits(core);
-                // With reg_s (register 2C, bit 7) set, firmware chooses the regulated voltage, and the display shows
-                // this choice.
+                // With reg_s (register 2C, bit 7) set, the firmware chooses the regulated voltage, and the display
+                // register shows it.
                 let regulator = core.a(reg::REGULATOR);
                 let shown =
                     if regulator & 0x80 != 0 { (regulator & 0x78) << 1 } else { core.config().regulator_display };
@@ -148,7 +148,7 @@ impl Chip {
 
     /// Reports a target that is armed while it could answer without its controller.
     fn check_silence(&mut self) {
-        // The bits that disable automatic answers are d_ac_ap2p, d_212_424_1r and d_106_ac_a.
+        // The bits d_ac_ap2p, d_212_424_1r and d_106_ac_a disable automatic answers.
         let silent = self.core.a(reg::PASSIVE_TARGET) & 0x0D == 0x0D;
         if self.core.target() && !silent && self.core.load_modulator() {
             self.core.note(Kind::AutomaticAnswersEnabled);

@@ -35,9 +35,9 @@ pub struct SpiFrame {
 }
 
 impl Chip {
-    /// Transfers a frame and returns the bits on MISO, in the order of [`SpiFrame::mosi`]. For every whole byte, `each`
-    /// is called with the chip, the instant at which the eighth clock ended (virtual ns), the byte to the chip, and the
-    /// byte from the chip.
+    /// Transfers a frame and returns the bits on MISO, in the order of [`SpiFrame::mosi`]. `each` is called for every
+    /// whole byte. Its arguments are the chip, the instant at which the eighth clock ended (virtual ns), the byte to
+    /// the chip, and the byte from the chip.
     ///
     /// The frame also sets the controller's clock rate, as [`Chip::spi_clock_hz`] does.
     pub fn clock_frame(&mut self, frame: &SpiFrame, mut each: impl FnMut(&mut Self, u64, u8, u8)) -> u32 {
@@ -45,8 +45,7 @@ impl Chip {
         let (bits, span) = (u64::from(frame.bits.max(1)), ends_ns.saturating_sub(begins_ns));
         self.spi.took(frame.bits, span);
         if bits == 8 && mode == SpiMode::Mode1 {
-            // Firmwares usually send whole bytes in the chip's own mode. Such a byte is transferred at once, not bit by
-            // bit.
+            // A whole byte in the chip's own SPI mode, the usual case, need not be transferred bit by bit.
             let miso = self.transfer(ends_ns, mosi as u8);
             each(self, ends_ns, mosi as u8, miso);
             return u32::from(miso);
@@ -61,7 +60,7 @@ impl Chip {
             let many = (bits - bit).min(8);
             let mut byte = 0_u8;
             for nth in bit..bit + many {
-                // In mode 3 MOSI changes on the edge on which the chip samples, so the chip samples the bit before.
+                // In mode 3 MOSI changes on the edge on which the chip samples, so the chip reads the previous bit.
                 let seen = if mode == SpiMode::Mode3 { std::mem::replace(&mut last.0, sent(nth)) } else { sent(nth) };
                 byte = byte << 1 | u8::from(seen);
             }

@@ -114,12 +114,12 @@ impl Chip {
         }
     }
 
-    /// Returns the bits of a register that [`Chip::flip`] can flip: those that the chip stores.
+    /// Returns the bits of a register that the chip stores, which [`Chip::flip`] can flip.
     pub fn flippable(&self, space: Space, address: u8) -> u8 {
         registers::flippable(self.core.config().variant, space, address)
     }
 
-    /// Flips bit `bit` of a register now, if [`Chip::flippable`] contains it and the chip has a supply.
+    /// Flips one bit of a register now. Nothing happens if the chip does not store the bit or has no supply.
     pub fn flip(&mut self, space: Space, address: u8, bit: u8) {
         let bits = 1 << (bit & 7) & self.flippable(space, address);
         if bits == 0 || !self.core.powered() {

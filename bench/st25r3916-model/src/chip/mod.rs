@@ -51,8 +51,7 @@ pub struct Chip {
     /// The register that the measurement under way will set when it ends, and the register's new value.
     measuring: Option<(Space, u8, u8)>,
     transmits: Vec<u64>,
-    /// The last bit on MOSI, and the last on MISO. In a wrong SPI mode, chip or controller samples this bit in place of
-    /// the next.
+    /// The last bits on MOSI and MISO. In a wrong SPI mode, chip or controller reads these in place of the next ones.
     last_bits: (bool, bool),
 }
 
@@ -142,8 +141,8 @@ impl Chip {
         self.core.take_air()
     }
 
-    /// Passes an event on the air at `at` (virtual ns) to the chip. A future event takes effect at its instant. A past
-    /// event takes effect now, but the instants of its frame's bits stay as they are.
+    /// Passes an event on the air at `at` (virtual ns) to the chip. It takes effect at that instant, or at once if the
+    /// instant is past. The instants of a frame's bits stay exact in either case.
     pub fn hear(&mut self, at: u64, event: &AirEvent) {
         let effect = at.max(self.core.now());
         let place = self.inbox.partition_point(|(t, _, _)| *t <= effect);
@@ -326,7 +325,7 @@ impl Chip {
         self.field.look(&mut self.core);
     }
 
-    /// Sends a frame. The chip is half duplex, so a frame that is being received, or that arrives meanwhile, is lost.
+    /// Sends a frame. The chip is half duplex, so it loses a frame that arrives meanwhile.
     fn send(&mut self, mut frame: Outgoing) {
         if self.transmitter.admits(&mut self.core, &self.field, &mut frame) {
             self.let_go();
@@ -346,7 +345,7 @@ impl Chip {
         self.receiver.abort(&mut self.core, &mut self.fifo);
     }
 
-    /// Removes the bytes from the FIFO that have left for the air. Adds those that were received.
+    /// Updates the FIFO: removes the bytes that were sent, and adds those that were received.
     fn settle(&mut self) {
         self.transmitter.settle(&self.core, &mut self.fifo);
         self.receiver.settle(&mut self.core, &mut self.fifo);

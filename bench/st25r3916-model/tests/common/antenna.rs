@@ -10,13 +10,11 @@ pub(crate) const BIT_AS: u64 = 2_359_882_005_899;
 /// The number of bits in the preamble and sync of a frame.
 pub(crate) const HEADER: u64 = 64;
 
-/// Returns the duration of `bits` bits at 424 kbit/s, ns.
 pub(crate) fn bits_ns(bits: u64) -> u64 {
     (bits * (BIT_AS / 1_000) + 500_000) / 1_000_000
 }
 
-/// Returns the bytes of a frame: LEN, a payload that depends on `seed`, and two bytes for the CRC-16, which the air
-/// does not check.
+/// Returns the bytes of a frame: LEN, a payload drawn from `seed`, and two bytes in place of the CRC-16.
 pub(crate) fn frame(payload: usize, seed: u8) -> Vec<u8> {
     let mut bytes = vec![payload as u8 + 1];
     bytes.extend((0..payload + 2).map(|i| (i as u8).wrapping_mul(37).wrapping_add(seed)));
@@ -61,7 +59,6 @@ impl Antenna {
         self.air.advance(to, |at, event| told.push((at, event.clone())));
     }
 
-    /// Sends a whole NFC-F frame from `at` on and returns the instant of its end.
     pub(crate) fn send(&mut self, at: u64, bytes: &[u8]) -> u64 {
         self.run_to(at);
         self.poller(at, AirEvent::FrameStart(start(Technology::NfcF, bytes)));

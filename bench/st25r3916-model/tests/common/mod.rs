@@ -9,7 +9,6 @@ use st25r3916_model::{Air, AirEvent, AirFaults, Chip, Chunk, Config, FrameStart,
 /// The duration of one SPI byte at 8 MHz, ns.
 pub(crate) const BYTE_NS: u64 = 1_000;
 
-/// A poller, a listener, and the air between them.
 pub(crate) struct Pair {
     pub(crate) poller: Chip,
     pub(crate) listener: Chip,
@@ -73,7 +72,6 @@ impl Pair {
         miso
     }
 
-    /// Runs until this side's IRQ pin is high. Returns false if it is still low after `ns`.
     pub(crate) fn wait_irq(&mut self, side: Side, ns: u64) -> bool {
         let end = self.now + ns;
         while !self.chip(side).irq() {
@@ -191,7 +189,6 @@ impl Pair {
         self.spi(Side::Poller, &[0xC4]);
     }
 
-    /// Returns the number of bytes in the FIFO, and the flags of register 1F.
     pub(crate) fn fifo(&mut self, side: Side) -> (usize, u8) {
         let r = self.spi(side, &[0x5E, 0, 0]);
         (usize::from(r[1]) | usize::from(r[2] >> 6) << 8, r[2] & 0x3F)
@@ -204,7 +201,6 @@ impl Pair {
     }
 }
 
-/// Returns the duration of `bits` bits at 424 kbit/s, ns.
 pub(crate) fn bits_ns_424(bits: u64) -> u64 {
     antenna::bits_ns(bits)
 }
@@ -234,13 +230,12 @@ pub(crate) fn nfc_a_poller(config: Config) -> Pair {
     pair.start(Side::Poller);
     pair.receive_nfc_a(Side::Poller);
     pair.spi(Side::Poller, &[0x03, 0x08, 0x00]);
-    // no_crc_rx switches the check of the CRC off, because the answers in these tests have no CRC.
+    // The bit no_crc_rx switches the CRC check off, because these answers have no CRC.
     pair.spi(Side::Poller, &[0x0A, 0x80]);
     pair.spi(Side::Poller, &[0x02, 0xC8]);
     pair
 }
 
-/// Passes the events of a whole NFC-A answer with the bytes `data` to the poller's chip before the answer begins.
 pub(crate) fn nfc_a_answer_begins(pair: &mut Pair, data: &[u8]) {
     let now = pair.now;
     pair.poller.hear(
@@ -260,7 +255,6 @@ pub(crate) fn nfc_a_answer_begins(pair: &mut Pair, data: &[u8]) {
     pair.poller.hear(end, &AirEvent::FrameEnd { bits: 8 * data.len() as u32 });
 }
 
-/// Makes the poller receive an NFC-A answer with the bytes `data`.
 pub(crate) fn nfc_a_answer(pair: &mut Pair, data: &[u8]) {
     nfc_a_answer_begins(pair, data);
     pair.run_for(200_000 + 90_000 * data.len() as u64);

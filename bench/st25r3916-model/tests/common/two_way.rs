@@ -24,7 +24,7 @@ pub(crate) struct Wires {
     mosi: Vec<u8>,
     miso: Vec<u8>,
     purpose: Purpose,
-    /// The instant at which the next byte ends, ns; `None` without a transfer.
+    /// The instant at which the next byte of a transfer ends, ns; `None` without a transfer.
     next_ns: Option<u64>,
     irq: bool,
     timer_ns: u64,
@@ -142,7 +142,6 @@ impl<M: Machine<Event = E>, E: Copy> Node<M, E> {
         port.next_ns.unwrap_or(u64::MAX).min(fire).min(timer)
     }
 
-    /// Advances the driver to `now`, and returns its next event, if any.
     fn advance(&mut self, now: u64, chip: &mut Chip) -> Option<E> {
         let irq = chip.irq();
         let port = self.executor.port();
@@ -175,7 +174,7 @@ pub(crate) struct World {
     pub(crate) hold: Node<Exchange, ExchangeEvent>,
     pub(crate) port: Node<Answerer, AnswererEvent>,
     pub(crate) now: u64,
-    /// The time from the end of a frame (I_rxe) until the DPR gives the command that sends its answer, ns.
+    /// The time from the end of a received frame (I_rxe) to the DPR's transmit command for the answer, ns.
     pub(crate) answers_after_ns: u64,
     pub(crate) answer: Vec<u8>,
     /// The payloads that the DPR received.
@@ -183,7 +182,6 @@ pub(crate) struct World {
     pub(crate) answers: Vec<Vec<u8>>,
 }
 
-/// Returns the chip configurations of hold and DPR, derived from the given ones.
 pub(crate) fn configs(hold: Config, port: Config) -> [Config; 2] {
     [Config { seed: 1, ..hold }, Config { seed: 2, answers: true, ..port }]
 }
@@ -204,7 +202,6 @@ impl World {
         }
     }
 
-    /// Returns a world in which both sides have started and the DPR has detected the field.
     pub(crate) fn started(configs: [Config; 2]) -> Self {
         let mut world = Self::new(configs);
         assert!(world.hold.executor.resume().is_none() && world.port.executor.resume().is_none());
@@ -241,7 +238,6 @@ impl World {
         }
     }
 
-    /// Lets both drivers act now. Returns whether one of them did.
     fn turn(&mut self) -> bool {
         let mut acted = false;
         while let Some(event) = self.hold.advance(self.now, &mut self.chips[0]) {
@@ -300,7 +296,6 @@ impl World {
         }
     }
 
-    /// Begins an exchange whose frame carries `payload`.
     pub(crate) fn begin(&mut self, payload: &[u8]) {
         self.hold.events.clear();
         self.hold.executor.port().payload = payload.to_vec();
@@ -313,8 +308,8 @@ impl World {
         }
     }
 
-    /// Runs one cycle of 100 ms. Returns the event that ended its exchange, and the time until then from the transmit
-    /// command, ns.
+    /// Runs one cycle of 100 ms. Returns the event that ends the exchange, and the time from the transmit command to
+    /// that event, ns.
     pub(crate) fn cycle(&mut self, payload: &[u8]) -> Option<(ExchangeEvent, u64)> {
         let start = self.now;
         self.begin(payload);

@@ -19,7 +19,7 @@ pub(crate) struct Buffer {
 
 impl Buffer {
     pub(super) fn new(place: usize, at: At) -> Self {
-        // All words begin with 0xEE, which is the number of no image.
+        // All words begin with 0xEE, which no image has as its number.
         Self { place, words: [0xEE; IMAGE_WORDS], at }
     }
 

@@ -2,7 +2,7 @@
 //! at once, unless a lock masks it or a task of the same or a higher priority runs.
 //!
 //! The tasks call the library as `main.rs` does, and the ports make the same register accesses as `hw/ssi.rs`, in the
-//! same order. Before each access and each critical section is a *point*, at which events of the hardware may happen,
+//! same order. Before each access and each critical section is a *point*. At a point, events of the hardware may happen
 //! any number of times, and tasks that become ready run.
 
 mod buffer;
@@ -87,7 +87,8 @@ struct Board {
     /// The frames that were handed on to the commit task and not read yet.
     handed: RefCell<Vec<u8>>,
     generation: Cell<u8>,
-    /// A frame that will be read later than its turn ([`Mutation::RotationOrder`]).
+    /// With [`Mutation::RotationOrder`] the task reads the newer of two frames first. This is the older frame, which it
+    /// reads afterwards.
     put_by: RefCell<Option<Received<Buffer, u8>>>,
 }
 
@@ -111,7 +112,6 @@ impl OneRun {
         Self(At::new(explorer, bounds))
     }
 
-    /// Runs the model of the board until no event is left that could happen.
     pub(crate) fn run(&self) {
         self.0.run();
     }
@@ -179,7 +179,7 @@ impl At {
         self.at_rest();
     }
 
-    /// Checks, when no task is ready, that no buffer and no call was left behind.
+    /// Checks, when no task is ready, that no frame, pause, faulty buffer or newest image was left behind.
     fn at_rest(&self) {
         let hw = self.0.hw.borrow();
         holds(!hw.masked, "a pause has no end");
@@ -230,8 +230,8 @@ impl At {
         ))
     }
 
-    /// Records that the running task locks a resource. For the scrub task, what it saw before no longer matters: it
-    /// gives its buffer back now, and no other code holds the buffer that it then takes.
+    /// Records that the running task locks a resource. What the scrub task saw before the lock no longer matters: it
+    /// gives its buffer back now, and no other code holds the buffer that it takes next.
     fn see_resource(&self, index: usize) {
         let shared = self.0.digests.get()[index];
         if let Some(frame) = self.0.frames.borrow_mut().last_mut() {
@@ -291,7 +291,6 @@ impl At {
         self.0.mask.get().max(running as u8)
     }
 
-    /// Runs each called task whose priority is above that of the running code.
     fn interrupts(&self) {
         loop {
             let level = self.level();

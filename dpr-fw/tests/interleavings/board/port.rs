@@ -131,8 +131,8 @@ impl Ssi for SsiModel {
         }
         at.see((amount, self.received));
         if bounds.mutation == Mutation::None {
-            // RXD and AMOUNT are cleared, since both are written again before they are read. More states of the search
-            // are then equal.
+            // RXD and AMOUNT are cleared, since both are written before they are read again. So the search has fewer
+            // different states.
             hw.borrow_mut().rxd = [0; 8];
             hw.borrow_mut().amount = 0;
         }

@@ -13,7 +13,7 @@ struct Sent {
     bytes: Vec<u8>,
     /// The instant of each byte that the firmware sent, ns.
     at: Vec<u64>,
-    /// The number of sent bytes in which the text of the script's present line was already searched for.
+    /// The number of sent bytes that were already searched for the text of the script's present line.
     searched: usize,
 }
 
@@ -36,7 +36,7 @@ impl Heard {
         self.pins.entry(pin).or_insert_with(|| (run.node().pin(pin), VecDeque::new()));
     }
 
-    /// Begins a line of the script. If the line expects a text, all bytes are searched for it anew.
+    /// Begins a line of the script. If the line expects a text, the search for it starts from the first byte again.
     pub(super) fn begin_line(&mut self) {
         self.sent.values_mut().for_each(|sent| sent.searched = 0);
     }

@@ -84,7 +84,6 @@ pub(crate) fn code(line: &str) -> &str {
     line[..line.find(is_comment).unwrap_or(line.len())].trim()
 }
 
-/// Splits a line without a comment into words and texts.
 fn tokens(line: &str) -> Result<Vec<Token>, String> {
     let (mut tokens, mut rest) = (vec![], line);
     while !rest.is_empty() {
@@ -138,7 +137,6 @@ fn text(line: &str) -> Result<(Vec<u8>, &str), String> {
     Err("a text has no closing quotation mark".to_owned())
 }
 
-/// The part of a line that is still to be read.
 struct Line<'a> {
     tokens: std::vec::IntoIter<Token>,
     pins: &'a Pins,

@@ -26,7 +26,6 @@ enum Source {
     Input(Box<dyn BufRead>),
 }
 
-/// A command with its line, and the line's number from 1.
 struct Numbered {
     number: usize,
     text: String,
@@ -48,7 +47,6 @@ pub(crate) struct Script {
     uarts: BTreeMap<Pin, u32>,
     heard: Heard,
     waiting: Option<Waiting>,
-    /// Whether the firmware has exited with the expected status.
     exited: bool,
     ended: Option<std::result::Result<(), String>>,
 }
@@ -133,7 +131,6 @@ impl Script {
         }
     }
 
-    /// Whether the script has reached its verdict.
     pub(crate) fn is_over(&self) -> bool {
         self.ended.is_some()
     }

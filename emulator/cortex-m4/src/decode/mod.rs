@@ -8,9 +8,9 @@
 //! | A5.3.18, coprocessors 10 and 11 | [`crate::fp`] |
 //!
 //! The decoder treats every UNPREDICTABLE case of the ARM ARM as undefined, so that it faults. Examples are a stack
-//! pointer or program counter where the encoding does not allow one, write-back into a loaded register, and a branch
-//! inside an IT block that is not its last instruction. The one exception is CMP of two low registers in its form for
-//! high ones, which LLVM emits. Coprocessors other than 10 and 11 take the fault for an absent coprocessor (UFSR.NOCP).
+//! pointer or program counter where the encoding does not allow one, write-back into a loaded register, and a branch in
+//! an IT block before the block's last instruction. The one exception is CMP of two low registers in its form for high
+//! ones, which LLVM emits. Coprocessors other than 10 and 11 take the fault for an absent coprocessor (UFSR.NOCP).
 
 mod narrow;
 mod transfer;
@@ -20,7 +20,6 @@ use crate::Fault;
 use crate::cost;
 use crate::op::{Block, Do, Op};
 
-/// Whether `first` is the first halfword of a 32-bit instruction (ARM ARM A5.1).
 pub(crate) const fn is_wide(first: u16) -> bool {
     first >= 0xE800
 }
@@ -38,7 +37,6 @@ pub(crate) fn wide(address: u32, first: u16, second: u16) -> Op {
     op(what, 4, block(what))
 }
 
-/// Makes an operation that takes `fault` and does nothing else.
 pub(crate) fn fault(fault: Fault) -> Op {
     op(Do::Fault(fault), 2, Block::Same)
 }

@@ -119,7 +119,7 @@ fn special_data(address: u32, h: u16) -> Do {
             _ => Do::MovReg { d, m },
         },
         _ if h & 7 != 0 => UNDEFINED,
-        // BX PC would switch to ARM state: it takes INVSTATE, since bit 0 of the target is clear. BLX PC is
+        // BX PC would switch to ARM state, since bit 0 of its target is clear, so it faults with INVSTATE. BLX PC is
         // unpredictable.
         _ => match (field(h, 7, 1), m) {
             (0, _) => Do::Bx { m },

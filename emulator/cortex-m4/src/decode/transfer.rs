@@ -153,7 +153,6 @@ pub(super) fn single(address: u32, first: u16, second: u16) -> Do {
     }
 }
 
-/// Returns the load or store with an immediate, in the variant that executes fastest.
 fn immediate(load: bool, format: Format, index: Index, t: u8, n: u8, imm: u32) -> Do {
     if index == Index::Offset && t < 13 {
         return match (load, format) {
@@ -169,7 +168,6 @@ fn immediate(load: bool, format: Format, index: Index, t: u8, n: u8, imm: u32) -
     if load { Do::Load { format, index, t, n, imm } } else { Do::Store { format, index, t, n, imm } }
 }
 
-/// Makes the load or store with a register offset.
 fn register(load: bool, format: Format, t: u8, n: u8, m: u8, amount: u8) -> Do {
     if t < 13 {
         match (load, format) {

@@ -46,8 +46,8 @@ impl<C: Cost> Core<C> {
         Some(value)
     }
 
-    /// Stacks the registers and takes the best pending exception. The caller has checked that one is pending and
-    /// preempts.
+    /// Stacks the registers and takes the pending exception of highest priority. The caller has checked that there is
+    /// one and that it preempts.
     pub(super) fn enter<B: Bus>(&mut self, bus: &mut B, return_address: u32) {
         self.waiting = None;
         self.owed += std::mem::take(&mut self.cut);
@@ -114,7 +114,7 @@ impl<C: Cost> Core<C> {
         Ok(())
     }
 
-    /// Takes the best pending exception (ExceptionTaken, ARM ARM B1.5.6).
+    /// Takes the pending exception of highest priority (ExceptionTaken, ARM ARM B1.5.6).
     pub(super) fn take_best<B: Bus>(&mut self, bus: &mut B, exc_return: u32) {
         let (number, vector) = loop {
             let number = self.system.nvic.best;

@@ -100,7 +100,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// On the optimistic clock: whether a preempting exception arrives before the cycle `unstacked`, at which
+    /// Whether, on the optimistic clock, a preempting exception arrives before the cycle `unstacked`, at which
     /// unstacking ends. The core then abandons the return and tail-chains the exception (Yiu, "The Definitive Guide to
     /// ARM Cortex-M3 and Cortex-M4 Processors", chapter 8, "pop preemption").
     fn is_abandoned<B: Bus>(&mut self, bus: &mut B, unstacked: u64) -> bool {

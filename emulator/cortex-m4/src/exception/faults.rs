@@ -3,8 +3,8 @@
 use super::*;
 
 impl<C: Cost> Core<C> {
-    /// Makes the exception of a fault during stacking (`entry`) or unstacking pending. If an exception is already being
-    /// entered, the core takes the one of higher priority first. ARM ARM B1.5.11.
+    /// Makes pending the exception of a fault that came during stacking (`entry`) or unstacking. If an exception is
+    /// already being entered, the core takes the one of higher priority first. ARM ARM B1.5.11.
     pub(super) fn derived_fault(&mut self, fault: Fault, entry: bool) {
         let (number, flag, kind) = match (fault, entry) {
             (Fault::MemData(_), true) => (MEM_MANAGE, CFSR_MSTKERR, debug_catch::INTERR),
@@ -165,7 +165,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Executes a BKPT, or an instruction at a breakpoint of the FPB, whose address is r15: halts the core, or takes
+    /// Executes the instruction at r15, which is a BKPT or is at a breakpoint of the FPB: halts the core, or takes
     /// DebugMonitor or HardFault. ARM ARM C1.5.1.
     pub(crate) fn breakpoint<B: Bus>(&mut self, bus: &mut B) {
         if self.system.debug.halting() {

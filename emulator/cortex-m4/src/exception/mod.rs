@@ -34,7 +34,8 @@ const EXTENDED: u32 = 26;
 const REALIGNED: u32 = 1 << 9;
 
 impl<C: Cost> Core<C> {
-    /// The priority that PRIMASK (only if `primask` is true), BASEPRI and FAULTMASK set, ARM ARM B1.5.4.
+    /// Returns the priority to which BASEPRI, FAULTMASK and, if `primask` is true, PRIMASK raise the execution (ARM ARM
+    /// B1.5.4).
     #[inline]
     pub(crate) fn mask_priority(&self, primask: bool) -> i16 {
         if self.faultmask {
@@ -59,7 +60,6 @@ impl<C: Cost> Core<C> {
         i32::from(self.system.nvic.best_priority) < self.execution_priority()
     }
 
-    /// Takes in the interrupt lines and events from the part.
     #[inline]
     pub(crate) fn take_signals<B: Bus>(&mut self, bus: &mut B) {
         let signals = bus.signals();
@@ -77,8 +77,9 @@ impl<C: Cost> Core<C> {
         self.note_pending();
     }
 
-    /// Takes in the part's signals, and wakes the core. Takes the best pending exception if it preempts. The run loop
-    /// calls this between instructions while `attention` is set. Returns whether an exception was entered.
+    /// Takes in the part's signals, which may wake the core. Takes the pending exception of highest priority if it
+    /// preempts. The run loop calls this between instructions while `attention` is set. Returns whether an exception
+    /// was entered.
     pub(crate) fn look_at_exceptions<B: Bus>(&mut self, bus: &mut B) -> bool {
         self.system_advance();
         self.take_signals(bus);
@@ -92,7 +93,7 @@ impl<C: Cost> Core<C> {
             return false;
         }
         if let Some(before) = self.system.debug.stepping {
-            // A debugger's step ends after one instruction. It also ends if the core hangs, without an instruction.
+            // A debugger's step ends after one instruction. If the core hangs, the step ends without an instruction.
             if self.retired != before || self.hung {
                 self.system.debug.stepping = None;
                 if self.system.debug.halting() {
@@ -101,8 +102,8 @@ impl<C: Cost> Core<C> {
                 }
                 self.debug_event(DFSR_HALTED);
             } else {
-                // Attention stays set, because the debugger's step ends after the next instruction even if nothing else
-                // happens.
+                // The flag `attention` stays set, because the debugger's step ends after the next instruction even if
+                // nothing else happens.
                 self.attention = self.waiting.is_none();
             }
         }
@@ -135,7 +136,7 @@ impl<C: Cost> Core<C> {
             self.waiting = None;
             return;
         }
-        // PRIMASK keeps WFE from waking, but not WFI (ARM ARM B1.5.18, B1.5.19).
+        // PRIMASK keeps an interrupt from waking WFE, but not from waking WFI (ARM ARM B1.5.18, B1.5.19).
         let priority = self.mask_priority(self.waiting == Some(true)).min(self.system.nvic.active_priority);
         if self.system.nvic.best_priority < priority {
             self.waiting = None;

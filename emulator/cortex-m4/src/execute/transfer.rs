@@ -1,9 +1,9 @@
 //! Loads and stores of more than one access or register: ARM ARM A7.7, LDM, STM, LDRD, STRD, LDREX, STREX.
 //!
-//! On the clocks with bounds, an event interrupts a load/store multiple in its middle. EPSR.ICI then holds the register
-//! with which it continues (ARM ARM B1.5.10). PUSH, a transfer in an IT block and one whose base is in the list
-//! complete first. On the pessimistic clock that delays an interrupt by up to 16 cycles, on the optimistic clock not at
-//! all (`Core::cut_short`).
+//! On the optimistic and the pessimistic clock, an event interrupts a load/store multiple in its middle. EPSR.ICI then
+//! holds the register with which it continues (ARM ARM B1.5.10). PUSH, a transfer in an IT block and one whose base is
+//! in the list complete first, which delays an interrupt by up to 16 cycles on the pessimistic clock. On the optimistic
+//! clock nothing is delayed (`Core::cut_short`).
 //!
 //! The local exclusive monitor covers the whole address space (TRM 3.6.2). A STREX succeeds at any address unless an
 //! exception, a CLREX or a STREX came after the LDREX.

@@ -43,7 +43,6 @@ pub(super) struct Integer {
     /// The number of bits: 16 or 32.
     pub(super) size: u8,
     pub(super) unsigned: bool,
-    /// The number of bits below the binary point, at most `size`.
     pub(super) fraction_bits: u8,
 }
 
@@ -154,7 +153,6 @@ pub(super) fn square_root(a: u32, fpscr: &mut u32) -> u32 {
     exact::square_root(a, fpscr)
 }
 
-/// Computes `addend + a * b`, rounded once.
 #[inline]
 pub(super) fn multiply_add(addend: u32, a: u32, b: u32, fpscr: &mut u32) -> u32 {
     if host_rounding(*fpscr) {

@@ -13,8 +13,8 @@
 //! - Every case that the manual calls UNPREDICTABLE is undefined too. Examples are a register list past s31, or SP or
 //!   PC as the core register of a transfer. Compilers emit none of these.
 //! - A `VLDM` or `VSTM` is never abandoned or continued in its middle (ICI). On the pessimistic clock an interrupt
-//!   waits for its end, and for the end of lazy stacking. On the optimistic clock an interrupt waits for neither, see
-//!   `Core::cut_short`.
+//!   waits for the instruction's end, and for the end of lazy stacking. On the optimistic clock an interrupt waits for
+//!   neither, see `Core::cut_short`.
 //! - The stall of an instruction that reads the previous instruction's floating-point result is not tracked. It is the
 //!   difference between the least and the most cycles that [`cycles`] returns.
 //! - The exception outputs of the FPU (FPIXC, FPIDC and others), which a part may wire to an interrupt line, are not

@@ -41,7 +41,7 @@ pub(crate) struct Debug {
     retired_seen: u64,
     /// The DFSR bits for the reason why the core must halt before the next instruction, 0 if it need not halt.
     pub(crate) halt_wanted: u32,
-    /// The value of `retired` before the present step, which a halting debugger or the monitor has begun.
+    /// The value of `retired` before the present step. A halting debugger or the monitor has begun this step.
     pub(crate) stepping: Option<u64>,
 }
 

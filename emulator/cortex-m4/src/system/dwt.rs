@@ -40,7 +40,7 @@ pub(crate) struct Dwt {
     paused: bool,
     counters: [u8; 5],
     comparators: [Comparator; 4],
-    /// The cycle at which comparator 0 next matches CYCCNT.
+    /// The core's cycle at which the DWT's comparator 0 next matches the cycle counter CYCCNT.
     due: u64,
     pub(crate) watching: bool,
     watches: bool,

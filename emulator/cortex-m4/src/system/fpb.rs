@@ -1,7 +1,7 @@
 //! The flash patch and breakpoint unit, ARM ARM C1.11.
 //!
-//! Covered: CTRL, REMAP, COMP0 to COMP7, instruction breakpoints. Left out: remapping. A comparator with REPLACE 0 is
-//! reported as unmodelled and does nothing, like the two literal comparators.
+//! The unit has CTRL, REMAP, COMP0 to COMP7 and instruction breakpoints. It does no remapping: a comparator with
+//! REPLACE 0 is reported as unmodelled and does nothing, like the two literal comparators.
 
 /// The numbers in CTRL: six instruction and two literal comparators, TRM 8.3.
 const NUMBERS: u32 = 0x260;

@@ -346,8 +346,8 @@ impl<C: Cost> Core<C> {
         self.system.mpu.opens(address, bytes, write, privileged)
     }
 
-    /// Whether the MPU and the default memory map open the whole page of `1 << bits` bytes that has `address` to
-    /// execution.
+    /// Whether code may execute the whole page of `1 << bits` bytes that has `address`, by the MPU and the default
+    /// memory map.
     #[inline(always)]
     pub(crate) fn mpu_opens_page(&mut self, address: u32, bits: u32) -> bool {
         let privileged = self.is_privileged();

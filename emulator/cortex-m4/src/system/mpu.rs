@@ -117,7 +117,6 @@ impl Mpu {
         }
     }
 
-    /// Drops all spans after a change of the registers.
     fn forget(&mut self) {
         self.spans.clear();
         self.near = std::array::from_fn(|place| Span::elsewhere(place as u32));
@@ -204,8 +203,8 @@ impl Mpu {
         rights & right != 0
     }
 
-    /// Whether code may access all of `bytes` from `address` on, whatever the priority is. Also false if the bytes lie
-    /// in more than one span.
+    /// Whether code may access all of `bytes` from `address` on, whatever the priority is. Returns false if the bytes
+    /// lie in more than one span, even if each of them may be accessed.
     #[inline(always)]
     pub(crate) fn opens(&mut self, address: u32, bytes: u32, write: bool, privileged: bool) -> bool {
         let span = self.span(address);

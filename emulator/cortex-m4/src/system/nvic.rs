@@ -128,7 +128,6 @@ impl Nvic {
         self.refresh();
     }
 
-    /// Computes `best` and `active_priority` again after a change.
     pub(crate) fn refresh(&mut self) {
         self.refresh_best();
         let mut least = IDLE_PRIORITY;

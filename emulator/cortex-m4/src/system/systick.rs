@@ -76,7 +76,6 @@ impl SysTick {
         reached && self.control & TICKINT != 0
     }
 
-    /// The cycle at which SysTick's exception next becomes pending.
     pub(crate) fn due(&self) -> u64 {
         if !self.counting() || self.control & TICKINT == 0 {
             return u64::MAX;

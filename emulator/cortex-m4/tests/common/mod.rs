@@ -13,7 +13,7 @@ pub(crate) const CODE: u32 = 0x100;
 pub(crate) struct Board {
     pub(crate) flash: Vec<u8>,
     pub(crate) ram: Vec<u8>,
-    /// Each read of the device (address, bytes, cycle). The next field has each write (address, bytes, value, cycle).
+    /// Each read of the device (address, bytes, cycle). `writes` has each write (address, bytes, value, cycle).
     pub(crate) reads: Vec<(u32, u32, u64)>,
     pub(crate) writes: Vec<(u32, u32, u32, u64)>,
     pub(crate) answer: u32,

@@ -60,7 +60,7 @@ impl Thumb {
         self.mov(0, address).ldr(1, 0, 0).raw(&[0x3101]).str(1, 0, 0)
     }
 
-    /// Copies bit `bit` (from 0) of `rn` into the carry flag. It destroys `rn`.
+    /// Copies bit `bit` (from 0) of `rn` into the carry flag, and destroys `rn`.
     pub(crate) fn test(&mut self, rn: u16, bit: u16) -> &mut Self {
         self.raw(&[0x0800 | (bit + 1) << 6 | rn << 3 | rn])
     }

@@ -10,9 +10,9 @@
 //! | `spis` | the SPI target with its semaphore | 6.26 |
 //! | `twim`, `twis` | TWIM, TWIS | 6.31, 6.32 |
 //!
-//! "To ensure correct behavior", the PS demands SCK, MOSI and CSN of SPIM as outputs and MISO as an input (6.25, *Pin
-//! configuration*), and all pins of SPIS as inputs (6.26). Here another pin in place of an output carries nothing, and
-//! an input without its buffer reads 0. Both are findings.
+//! The PS demands SCK, MOSI and CSN of SPIM as outputs and MISO as an input (6.25, *Pin configuration*), and all pins
+//! of SPIS as inputs (6.26). In this model a pin that is no output carries no signal, and an input without its buffer
+//! reads 0. Both are findings.
 //!
 //! | left out | why |
 //! |---|---|
@@ -53,7 +53,6 @@ const TWIS: u32 = 9;
 /// MAXCNT has 16 bits in every instance of this part.
 const MAXCNT_MASK: u32 = 0xFFFF;
 
-/// The holder of the semaphore, as SEMSTAT shows it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Semaphore {
     Free = 0,
@@ -108,7 +107,6 @@ impl Buffer {
     }
 }
 
-/// Stores a received byte in the buffer `rx`. Returns `false` if the buffer is full.
 #[inline]
 fn receive(rx: &mut Buffer, byte: u8, cx: &mut Cx<'_>) -> bool {
     let Some(address) = rx.next() else {
@@ -148,7 +146,7 @@ pub(crate) const fn mode(config: u32) -> SpiMode {
 struct Transfer {
     tx: Buffer,
     rx: Buffer,
-    /// The byte that is being exchanged. The next field is the PCLK16M tick at which it begins.
+    /// The byte that is being exchanged. It begins at the PCLK16M tick `ends`, at which the byte before it ended.
     byte: u8,
     ends: u64,
     stopping: bool,
@@ -164,8 +162,8 @@ struct Transaction {
     /// The cycle at which CSN fell for the present transaction.
     since: Cycle,
     last: Option<Cycle>,
-    /// The last byte that the target received. The next field is the last byte that it sent. Both matter for a
-    /// controller in another SPI mode.
+    /// The last byte that the target received. `said` is the last byte that it sent. Both matter for a controller in
+    /// another SPI mode.
     heard: u8,
     said: u8,
 }
@@ -306,7 +304,7 @@ impl Instance for Serial {
             cx.misuse("pins or mode written during a transfer, at offset", offset);
         }
         match offset {
-            // The bus never stalls, and SEMSTAT is read-only.
+            // Writes of STALLSTAT and SEMSTAT do nothing: the bus never stalls, and SEMSTAT is read-only.
             0x400 => {}
             0x440 => self.status &= !value,
             0x500 => {

@@ -88,7 +88,6 @@ impl Serial {
         cx.act(Act::Hold { pin, level });
     }
 
-    /// Begins the next byte, or ends the transfer.
     pub(super) fn next_byte(&mut self, cx: &mut Cx<'_>) {
         self.next = None;
         let Some(transfer) = &mut self.transfer else {

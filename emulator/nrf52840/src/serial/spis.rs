@@ -24,12 +24,12 @@ use crate::memory::Memory;
 /// The least number of cycles from CSN to the first edge of SCK (tSPIS,SUCSN).
 const CSN_SETUP: u64 = cycles(1_000);
 const SHORTEST_BYTE: u64 = cycles(1_000);
-/// The cycles by which a limit may be missed without a finding. Clocks have errors, and instants are rounded to a
+/// A limit may be missed by this number of cycles without a finding. Clocks have errors, and instants are rounded to a
 /// cycle.
 const SLACK: u64 = cycles(100);
 
-/// Returns whether data comes one bit late if the two ends use these modes: what the target receives, and what it
-/// sends.
+/// Returns two values for the SPI modes of controller and target: whether the data that the target receives come one
+/// bit late, and whether the data that it sends do.
 const fn late(one: SpiMode, other: SpiMode) -> (bool, bool) {
     use SpiMode::{Mode0, Mode1, Mode2, Mode3};
     match (one, other) {
@@ -155,7 +155,6 @@ impl Serial {
         drives.then_some(miso)
     }
 
-    /// Exchanges one byte, in its order on the wire.
     fn exchange(&mut self, mosi: u8, cx: &mut Cx<'_>) -> u8 {
         let heard = self.on_the_wire(mosi);
         let Some(transaction) = &mut self.transaction else {

@@ -187,7 +187,6 @@ impl TwoWire {
         cx.act(Act::TwoWire { id, event });
     }
 
-    /// Handles the bus's answer to the present action.
     pub(crate) fn answer(
         &mut self,
         answer: I2cAnswer,

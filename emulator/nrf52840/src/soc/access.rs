@@ -2,7 +2,6 @@
 
 use super::*;
 
-/// The ID of SPIM3, the only SPIM that is faster than 8 MHz.
 const SPIM3: u32 = 0x2F;
 
 const NOT_MODELLED: &str = "is not modelled, first used at offset";
@@ -136,7 +135,7 @@ impl Soc {
                 _ => instance.read(offset, *now, clocks),
             }
         });
-        // Apart from these two, only the legacy UART has a register that changes when it is read.
+        // Among the registers that are left, only the legacy UART's RXD changes when it is read.
         if real && matches!((id, offset), (0x02 | 0x28, 0x518)) {
             call!(self, id, instance, cx => instance.was_read(offset, cx));
             self.carry(outside);
@@ -192,8 +191,7 @@ impl Soc {
     }
 
     /// The cycles for which an access to RAM at `cycle` waits for EasyDMA at worst. The processor has the highest
-    /// priority on the AHB multilayer. It waits only for an access of EasyDMA to the same slave that has already begun
-    /// (PS 4.7).
+    /// priority on the AHB multilayer. It waits only if EasyDMA has already begun an access to the same slave (PS 4.7).
     #[inline(always)]
     pub(crate) fn contention(&mut self, address: u32, cycle: Cycle) -> u32 {
         let waits = self.moving != 0
@@ -205,7 +203,6 @@ impl Soc {
         u32::from(waits)
     }
 
-    /// The wait states of a read of flash at worst.
     #[inline(always)]
     pub(crate) fn flash_waits(&self) -> u32 {
         if self.parts.nvmc.is_cached() { 3 } else { 2 }

@@ -21,7 +21,8 @@ impl Soc {
         let there = if self.off { 1 << COMP } else { u64::MAX };
         let mut later = u64::MAX;
         loop {
-            // One instance's event may have called another instance, which may have an event due as well.
+            // An event of one instance may have called another instance, and that one may now have an event due as
+            // well.
             let left = (self.scheduled | self.touched) & later & there;
             if left == 0 {
                 return;
@@ -65,7 +66,7 @@ impl Soc {
         }
     }
 
-    /// Takes over the interrupt lines and next cycles of the instances that were called since the last time.
+    /// Reads the interrupt line and the next event of each instance that was called since the last look.
     pub(super) fn look_at_touched(&mut self) {
         if self.touched == 0 {
             return;

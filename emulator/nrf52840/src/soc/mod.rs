@@ -14,9 +14,8 @@
 //! | the one PCLK16M cycle that a PPI channel takes | nothing needs such a resolution; the order of effects is kept |
 //! | loss of a RAM section's contents by RAM\[n\].POWER while the part is on | these registers only store values |
 //!
-//! Every effect is an [`Act`] in one queue. An event may trigger, through PPI, the task that raises the event again.
-//! The part repeats the two for ever, once per clock cycle. Here the loop is cut after a number of turns, which is a
-//! finding.
+//! Every effect is an [`Act`] in one queue. If an event triggers, through PPI, the task that raises it again, the part
+//! repeats the two for ever, once per clock cycle. Here the loop is cut after a number of turns, which is a finding.
 
 #[macro_use]
 mod instances;
@@ -49,7 +48,6 @@ use map::*;
 
 pub(crate) const INTERRUPT_LINES: u16 = 48;
 
-/// The cause of a wake-up from System OFF by LPCOMP.
 const BY_LPCOMP: &str = "LPCOMP";
 
 #[derive(Clone, Debug)]
@@ -64,7 +62,8 @@ pub(crate) struct Soc {
     /// The latest cycle at which anything has happened in the part.
     pub(crate) now: Cycle,
     pub(crate) signals: Signals,
-    /// The instances, as bits, that were called. Their interrupt lines and next cycles must still be taken over.
+    /// The instances that were called, as bits. Their interrupt lines and the cycles of their next events must still be
+    /// updated.
     touched: u64,
     /// The instances, as bits, that have an event due at some time.
     scheduled: u64,
@@ -79,7 +78,7 @@ pub(crate) struct Soc {
     pub(crate) watchdog_resets: Vec<WatchdogReset>,
     pub(crate) spis_wires: Option<SpisWires>,
     restarting: Option<Reset>,
-    /// Whether nothing happens in the part, because it waits for its restart.
+    /// Whether the part waits for its restart. If so, nothing happens in it.
     halted: bool,
     off: bool,
     held: bool,

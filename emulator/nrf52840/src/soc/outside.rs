@@ -12,8 +12,8 @@ impl Soc {
 
     pub(crate) fn drive<O: Outside>(&mut self, at: Cycle, pin: Pin, level: Option<bool>, outside: &mut O) {
         self.come(at, outside);
-        // The core's last access may come a few cycles after the edge, in an instruction that began before it. The
-        // effects of the edge still happen at its own instant.
+        // The core's last access may be a few cycles after the edge, because the instruction of that access began
+        // before the edge. The edge still takes effect at its own instant.
         let reached = std::mem::replace(&mut self.now, at);
         self.gpio.outside(pin, level, at, &mut self.out);
         self.carry(outside);
@@ -51,7 +51,6 @@ impl Soc {
         }
     }
 
-    /// Exchanges a byte between a controller and the device at its pins.
     pub(super) fn exchange<O: Outside>(&mut self, id: Id, mosi: u8, begins: Cycle, outside: &mut O) {
         let number = serial_number(id);
         let wires = self.parts.serial[number].wires();
@@ -102,7 +101,7 @@ impl Soc {
         self.drive(at, csn, Some(false), outside);
     }
 
-    /// Passes a byte that an SPI controller has clocked until `at` to the SPIS. The caller delivers the effects.
+    /// Passes a byte that an SPI controller has clocked until `at` on to the SPIS. The caller delivers the effects.
     fn spis_byte(&mut self, at: Cycle, mosi: u8, mode: SpiMode) -> Option<u8> {
         let wires = self.spis_wires?;
         let selected = |number: &usize| {
@@ -124,7 +123,7 @@ impl Soc {
         miso
     }
 
-    /// Exchanges several bytes. The first ended at `first`, and each further byte ends `time` 2⁻¹⁶ cycles later.
+    /// Exchanges several bytes. The first byte ended at `first`. The bytes are `time` apart, in units of 2⁻¹⁶ cycles.
     pub(crate) fn spis_exchange<O: Outside>(
         &mut self,
         first: Cycle,

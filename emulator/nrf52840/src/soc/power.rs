@@ -58,8 +58,8 @@ impl Soc {
     }
 
     /// Changes the supply. A brown-out reset comes below 1.57 V, and a restart above 1.62 V, as late as PS 5.3.8 allows
-    /// (V_BOR in System ON). Below 1.7 V, where the part is not specified, the model works as above. The power-fail
-    /// comparator reacts too.
+    /// (V_BOR in System ON). Below 1.7 V the part is not specified; the model works there as at higher voltages. The
+    /// power-fail comparator reacts too.
     pub(crate) fn supply<O: Outside>(&mut self, at: Cycle, microvolts: u32, outside: &mut O) -> Supplied {
         let before = self.held;
         self.held = microvolts < if before { 1_620_000 } else { 1_570_000 };

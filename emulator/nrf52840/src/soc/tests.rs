@@ -5,8 +5,8 @@ use emulator_part::Open;
 
 #[test]
 fn every_register_modelled_reads_its_reset_value_first() {
-    // These registers are not compared. They belong to instances without a model, or no core can read their reset
-    // value, since HFCLK and flash are ready while a core runs.
+    // These registers are not compared. Some belong to instances without a model. The reset values of the others cannot
+    // be read by any core, since HFCLK and flash are ready while a core runs.
     const OTHERS: [&str; 9] = ["HFCLKSTAT", "READYNEXT", "SPI.", "TWI.", "TWIS.", "ACL.", "IHIT", "IMISS", "UNUSED"];
     let mut soc = Soc::new(Settings::default());
     let (mut checked, mut others) = (0, vec![]);

@@ -59,7 +59,7 @@ const LEGACY: u32 = 4;
 const FIFO: usize = 6;
 /// The free room of the FIFO, in bytes, at which RTS goes high. RTS is low only while more is free (PS 6.34).
 const ROOM: usize = 4;
-/// The byte times from STOPRX to RXTO, in which the far end may finish its byte.
+/// The time from STOPRX to RXTO, in byte times. In this time the far end may finish its byte.
 const RX_TIMEOUT_BYTES: u64 = 4;
 /// The longest bit that can be received, one second, in picoseconds.
 const LONGEST_BIT_PS: u64 = 1_000_000_000_000;
@@ -94,7 +94,6 @@ pub(crate) struct Uarte {
     rxd: [u32; 3],
     txd: [u32; 3],
     tx: Option<Buffer>,
-    /// The byte that the transmitter is sending.
     byte: u8,
     tx_from: u64,
     tx_sent: u64,
@@ -111,7 +110,6 @@ pub(crate) struct Uarte {
     line: Line,
     /// The present byte's start edge, and the sample of its stop bit, both in cycles.
     receiving: Option<(Cycle, Cycle)>,
-    /// Whether the legacy UART's transmitter is on.
     legacy_tx: bool,
     legacy_waiting: Option<u8>,
 }

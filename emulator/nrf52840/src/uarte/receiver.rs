@@ -44,7 +44,6 @@ impl Uarte {
         }
     }
 
-    /// Moves bytes from the FIFO into the buffer.
     pub(super) fn drain(&mut self, cx: &mut Cx<'_>) {
         while let Some(rx) = &mut self.rx {
             if rx.done >= rx.len {

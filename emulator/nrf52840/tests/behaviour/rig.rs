@@ -260,7 +260,6 @@ pub(crate) const CSN: Pin = Pin::new(1, 4);
 pub(crate) const WIRES: SpisWires =
     SpisWires { sck: Pin::new(1, 1), mosi: Pin::new(1, 3), miso: Pin::new(1, 2), csn: CSN };
 
-/// The values of PIN_CNF for an output, for an input, and for an input with a pull-up.
 pub(crate) const OUTPUT: u32 = 1 | 1 << 1;
 pub(crate) const INPUT: u32 = 0;
 pub(crate) const PULLED_UP: u32 = 3 << 2;

@@ -2,7 +2,7 @@
 use crate::rig::*;
 use emulator_part::{FindingKind, Part, SpiMode};
 
-/// Returns a part with a chip on P1.12 to P1.15, which records its bytes, and with SPIM0 at 8 MHz.
+/// Returns a part with SPIM0 at 8 MHz and a chip on P1.12 to P1.15. The chip records its bytes.
 fn with_chip() -> Rig {
     let mut rig = Rig::new();
     rig.world.chip = Some(SpiMode::Mode1);

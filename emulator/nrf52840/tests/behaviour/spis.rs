@@ -236,7 +236,7 @@ fn the_semaphore_goes_from_hand_to_hand_as_specified() {
         assert_eq!(rig.read(SPIS1 + 0x400), from);
         rig.write(SPIS1 + task, 1);
         assert_eq!((rig.read(SPIS1 + 0x400), rig.read(SPIS1 + 0x128)), (to, acquired), "from {from} by {task:#x}");
-        // `after` is the state that must follow the row's next state once the transaction has ended.
+        // When the transaction has ended, the row's next state must change to the state `after`.
         rig.run_for(10 * US);
         rig.deselect(CSN);
         let after = if to == pending {

@@ -13,7 +13,6 @@ fn with_target() -> Rig {
     rig
 }
 
-/// Returns the acknowledge and the byte of the TWIS; `None` while the TWIS holds SCL.
 fn bus(rig: &mut Rig, event: I2cEvent) -> Option<(bool, u8)> {
     rig.run_for(90 * US);
     let answer = rig.part.two_wire(rig.now, Pin::new(0, 14), Pin::new(0, 16), event, &mut rig.world);

@@ -119,7 +119,6 @@ fn pin(index: usize, channel: u8) -> Option<Pin> {
     })
 }
 
-/// Whether EXTSEL selects `trigger` (RM0090 table 68).
 fn is_selected(trigger: Trigger, select: u32) -> bool {
     let (timer, channel) = match select {
         0..=2 => (1, select as u8 + 1),

@@ -214,8 +214,8 @@ impl Can {
     fn transmit_status(&self) -> u32 {
         let empty = |nth: usize| self.mailboxes[nth].identifier & TXRQ == 0;
         let empties = (0..3).map(|nth| u32::from(empty(nth)) << (26 + nth)).sum::<u32>();
-        // CODE is the number of the next empty mailbox. If none is empty, it is that of the mailbox that would be sent
-        // last.
+        // CODE is the number of the next empty mailbox. If no mailbox is empty, CODE is the number of the mailbox that
+        // would be sent last.
         let code = (0..3)
             .find(|&nth| empty(nth))
             .unwrap_or_else(|| (0..3).max_by_key(|&nth| (self.mailboxes[nth].identifier >> 3, nth)).unwrap_or(0));

@@ -2,7 +2,8 @@
 
 use super::*;
 
-/// The sampling instant in quarters of a bit: the middle of the high phase, which is the second half.
+/// The sampling instant in quarters of a bit. SCL is high in the second half of a bit, and the sample is taken in the
+/// middle of that half.
 const SAMPLED: u64 = 3;
 
 impl I2c {
@@ -112,8 +113,8 @@ impl I2c {
         }
     }
 
-    /// Finds the bit at which arbitration is lost while another device holds SDA low: the first one-bit that was not
-    /// sampled before `now`.
+    /// Finds the bit at which arbitration is lost while another device holds SDA low: the first bit of value 1 that was
+    /// not sampled before `now`.
     pub(super) fn expect_loss(&mut self, now: Cycle) {
         if self.low_since.is_none() {
             return;

@@ -22,9 +22,9 @@
 //! # Lines
 //!
 //! The pads do not have the levels that this I2C drives, since the board gets a transfer in steps ([`I2cEvent`]). They
-//! have the levels of the board, with its pull-ups, and of pins that software drives. A low line is therefore held by
-//! another device. It sets `BUSY`; a stop (SDA rises while SCL is high) and `SWRST` clear it. If another device only
-//! releases SCL, or if `PE` or `ARLO` cut a transfer short, `BUSY` stays set until software resets the I2C.
+//! have the levels of the board, with its pull-ups, and of pins that software drives. A line that is low is therefore
+//! held by another device, and sets `BUSY`. A stop (SDA rises while SCL is high) and `SWRST` clear `BUSY`. If another
+//! device only releases SCL, or if `PE` or `ARLO` cut a transfer short, `BUSY` stays set until software resets the I2C.
 //!
 //! Every step (start, address or data byte with acknowledge, stop) is one event at its end.
 
@@ -107,14 +107,14 @@ pub(crate) struct I2c {
     /// SDA.
     held: Option<u64>,
     due: Cycle,
-    /// Whether the next byte is not acknowledged, because the DMA has signalled EOT_1.
+    /// Whether the DMA has signalled EOT_1. If so, the next byte is not acknowledged.
     is_last: bool,
-    /// Whether an unexpected stop came while a start was requested, so that the start is never generated.
+    /// Whether an unexpected stop came while a start was requested. If so, the start is never generated.
     start_lost: bool,
     /// Whether SR1 was read, the first step of the clearing sequences.
     status_read: bool,
     held_ack: bool,
-    /// Whether the receiver acknowledged the last byte, so that the transfer goes on.
+    /// Whether the receiver acknowledged the last byte. If so, the transfer goes on.
     goes_on: bool,
     pclk: u32,
 }

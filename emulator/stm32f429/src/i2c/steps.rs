@@ -25,7 +25,6 @@ impl I2c {
         self.begun(cx);
     }
 
-    /// Begins the next requested step, if none is under way.
     pub(super) fn go_on(&mut self, from: Cycle, cx: &mut Cx) {
         if self.step.is_some() || self.cr1 & PE == 0 {
             return;

@@ -29,7 +29,6 @@ fn rig(answers: &[I2cAnswer]) -> Rig<I2c> {
     rig
 }
 
-/// Sends a start and the address byte, until ADDR or AF is set.
 fn address(rig: &mut Rig<I2c>, byte: u32, bits: u32) {
     rig.write(CR1, PE | START | bits);
     rig.run(rig.now + 160);
@@ -154,7 +153,7 @@ fn a_software_reset_frees_the_bus() {
     assert_eq!((rig.read(SR1), rig.read(SR2), rig.read(0x1C)), (0, 0, 0));
 }
 
-/// Addresses a device for reading and clears ADDR, after which bytes come in.
+/// Addresses a device for reading and clears ADDR. Afterwards bytes come in.
 fn reading(rig: &mut Rig<I2c>) {
     address(rig, 0xA1, ACK);
     rig.read(SR1);
@@ -319,7 +318,8 @@ fn a_one_pulled_to_zero_loses_arbitration_at_that_bit() {
     address(&mut rig, 0xA0, 0);
     rig.read(SR1);
     rig.read(SR2);
-    // The byte is 0001 0000. Its fourth bit is the first one, and is sampled after three quarters of the bit.
+    // The byte is 0001 0000. Its fourth bit is the first one that is 1, and is sampled after three quarters of the
+    // bit's time.
     rig.write(DR, 0x10);
     let began = rig.now;
     rig.run(began + 200);

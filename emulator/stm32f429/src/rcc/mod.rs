@@ -110,7 +110,6 @@ const LOW_POWER_BITS: [u32; 5] = [0x7EF7_97FF, 0x0000_00F1, 1, 0xF6FE_C9FF, 0x04
 const ENABLES_AFTER_RESET: [u32; 5] = [0x0010_0000, 0, 0, 0, 0];
 const LOW_POWER_AFTER_RESET: [u32; 5] = [0x7E67_97FF, 0x0000_00F1, 1, 0xF6FE_C9FF, 0x0477_7F33];
 
-/// The register and the bit that switch a peripheral's clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Gate {
     /// The number of the bus: 0 is AHB1, 1 AHB2, 2 AHB3, 3 APB1, 4 APB2.

@@ -16,7 +16,6 @@ impl Rcc {
         (ns.saturating_mul(self.clocks.hclk_hz / 1000) / 1_000_000).max(1)
     }
 
-    /// Starts each clock source that is switched on but not ready.
     pub(super) fn start(&mut self, now: Cycle) {
         let hse_source = self.hse_there && self.cr & HSEON != 0;
         let pll_source = if self.pllcfgr & PLLSRC != 0 { self.cr & HSERDY != 0 } else { self.cr & HSIRDY != 0 };
@@ -122,7 +121,7 @@ impl Rcc {
         }
         self.hse_there = true;
         if self.stopped && self.system != 0 {
-            // A system that stood still because HSE had failed runs again.
+            // The system stood still because HSE had failed, and runs again.
             self.cr |= HSERDY;
             if self.system == 2 {
                 self.cr |= PLLRDY;

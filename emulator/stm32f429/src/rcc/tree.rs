@@ -73,7 +73,6 @@ impl Rcc {
         }
     }
 
-    /// The clock tree, `None` if the core has no clock.
     pub(super) fn tree(&self) -> Option<Clocks> {
         let ahb = match self.cfgr >> 4 & 0xF {
             small @ 8..=11 => 2_u64 << (small - 8),

@@ -83,7 +83,7 @@ pub(crate) struct Rtc {
     origin: Cycle,
     counted: u64,
     total: u64,
-    /// The value of `total` at which INITF rises. The next fields are those for RSF and WUTWF.
+    /// The value of `total` at which INITF rises. The next two fields are the values at which RSF and WUTWF rise.
     initialises_at: u64,
     agrees_at: u64,
     wakeup_writable_at: u64,

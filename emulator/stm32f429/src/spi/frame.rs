@@ -3,7 +3,6 @@
 use super::*;
 
 impl Spi {
-    /// Begins the next frame at `from`, if there is anything to send or receive.
     pub(super) fn begin(&mut self, from: Cycle) {
         if self.flight.is_some() {
             return;

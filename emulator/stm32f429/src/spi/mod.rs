@@ -16,8 +16,8 @@
 //! # Time
 //!
 //! A byte that is written while the shift register is empty moves there at once, and `TXE` is set before the next
-//! access. The frame begins at the next PCLK edge and lasts as many SCK periods as it has bits, after which the
-//! received data is available. If the data register holds another byte, its frame follows without a gap.
+//! access. The frame begins at the next PCLK edge and lasts one SCK period for each bit. Then the received data is
+//! available. If the data register holds another byte, its frame follows without a gap.
 
 mod frame;
 #[cfg(test)]
@@ -129,7 +129,7 @@ impl Spi {
         if self.cr1 & DFF != 0 { 0xFFFF } else { 0xFF }
     }
 
-    /// Whether the mode only receives, so that SCK runs although no data is sent.
+    /// Whether the mode only receives. If so, SCK runs although no data is sent.
     fn receives_only(&self) -> bool {
         if self.cr1 & BIDIMODE != 0 { self.cr1 & BIDIOE == 0 } else { self.cr1 & RXONLY != 0 }
     }

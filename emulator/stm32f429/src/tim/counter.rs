@@ -1,7 +1,7 @@
 //! The counter: value, direction, ends of its range, and updates (RM0090 17.3.1 to 17.3.4).
 //!
-//! [`Tim::sync`] moves the counter in steps from one count with an effect to the next. [`Tim::plan`] finds the counts
-//! that have to be events.
+//! [`Tim::sync`] advances the counter to the present, from one count with an effect to the next. [`Tim::plan`] finds
+//! the next effect that others can observe, at which the timer needs an event.
 
 use super::*;
 
@@ -159,7 +159,8 @@ impl Tim {
         }
         let mut clocks = tick - self.tick + u64::from(self.prescale);
         self.tick = tick;
-        // `ends` is the number of ends of the range. Whole periods are skipped once all effects repeat.
+        // `ends` is the number of ends of the range that the counter has reached in this call. Once all effects repeat,
+        // whole periods are skipped.
         let mut ends = 0;
         loop {
             let step = u64::from(self.psc_now) + 1;

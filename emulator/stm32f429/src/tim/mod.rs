@@ -123,7 +123,7 @@ pub(crate) struct Tim {
     bdtr: u32,
     dcr: u32,
     or: u32,
-    /// The registers as software wrote them. The values in force are in the fields below.
+    /// The registers as software wrote them. The values in force are in the fields named `_now`.
     psc: u32,
     arr: u32,
     rcr: u32,

@@ -95,7 +95,6 @@ impl Tim {
         out
     }
 
-    /// Reports the changes of the outputs, and plans the next event.
     pub(super) fn finish(&mut self, cx: &mut Cx) {
         if self.kind.advanced {
             self.follow_dead_time(cx.now);

@@ -14,8 +14,8 @@
 //!
 //! A frame from outside is a waveform. The receiver samples each bit at its own rate, counted from the start bit's
 //! falling edge: at the 8th, 9th and 10th sixteenth (OVER8: 4th to 6th eighth). A sender with another baud rate, parity
-//! or length therefore gives the bytes and flags of silicon. A byte is available at the last sample of its stop bit,
-//! after which the receiver looks for the next falling edge.
+//! or length therefore gives the bytes and flags of silicon. A byte is available at the last sample of its stop bit.
+//! Then the receiver looks for the next falling edge.
 //!
 //! `IDLE` rises a whole frame and one bit after the last stop bit. The extra bit is not in the manual: a frame reaches
 //! the receiver only at its end, and the extra bit lets it come in time.

@@ -8,7 +8,6 @@ impl Wave {
         index > 31 || self.levels >> index & 1 != 0
     }
 
-    /// Returns the first falling edge at or after `from`.
     fn falling(&self, from: Cycle) -> Option<Cycle> {
         let mut edges = !self.levels & (self.levels << 1 | 1);
         // Most calls ask for the first edge, or for an edge after the frame's end. Both are answered here without the

@@ -229,7 +229,6 @@ fn what_the_reference_sampling_gives_is_what_the_short_way_gives() {
             let mut rig = rig();
             tell(&mut rig, 2000, &UartFrame::eight_n_one(data, baud));
             let short = rig.instance.sampled(2000);
-            // The short computation is not used if another waveform lies near the last sample.
             let blank = Wave { begins: 2000, ends: 2000, bit: 1, levels: u32::MAX };
             rig.instance.waves.push_back(blank);
             assert_eq!(rig.instance.sampled(2000), short, "{baud} {data:#x}");

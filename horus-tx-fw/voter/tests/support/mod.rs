@@ -6,7 +6,6 @@ use std::cmp::Ordering;
 
 use horus_voter::{Fix, Input, Stated};
 
-/// What a receiver reports, before it is converted to the voter's own type.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Report {
     pub(crate) valid: bool,
@@ -146,7 +145,6 @@ impl Place {
         [0, 1, 2].map(|i| self.at[i] + north * self.north[i] + east * self.east[i])
     }
 
-    /// Returns the metres north and east from this place to a point, and the distance between the two.
     pub(crate) fn to(&self, point: Vector) -> (f64, f64, f64) {
         let d = minus(point, self.at);
         (dot(d, self.north), dot(d, self.east), dot(d, d).sqrt())
@@ -171,7 +169,7 @@ pub(crate) fn geodetic([x, y, z]: Vector) -> (f64, f64) {
 pub(crate) struct Opinion {
     pub(crate) members: Vec<usize>,
     pub(crate) excluded: Vec<usize>,
-    /// The place of the result in space at height 0, and its height.
+    /// The place of the result in space at height 0, and the altitude, if there is one.
     pub(crate) position: Option<(Vector, Option<f64>)>,
     pub(crate) attitude: Option<[f64; 3]>,
     pub(crate) acceleration: Option<[f64; 3]>,
@@ -195,7 +193,6 @@ struct Spot {
     accuracy: f64,
 }
 
-/// The altitude of a result, and the accuracy of its worst member, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Level {
     height: f64,
@@ -203,7 +200,8 @@ struct Level {
 }
 
 trait Moves: Copy {
-    /// Returns the distance from this value to `next`, and how far apart two receivers that agree may be, m.
+    /// Returns the distance from this value to `next`, m, and the largest distance at which the two receivers still
+    /// agree, m.
     fn way(&self, next: &Self) -> (f64, f64);
 }
 
@@ -221,7 +219,7 @@ impl Moves for Level {
     }
 }
 
-/// The result that was shown last, and the row of later results that are held back, each with its tick.
+/// The result that was shown last, and the series of later results that are held back, each with its tick.
 #[derive(Clone, Debug)]
 struct Jumps<T> {
     shown: Option<(u32, T)>,
@@ -424,9 +422,8 @@ impl Oracle {
     }
 }
 
-/// Returns the age of each position at the tick, s. The candidate whose message has the median delay after its time of
-/// week gets 50 ms, another candidate as much more or less as its message came later or sooner. If the difference is
-/// above 50 ms, it gets 50 ms again.
+/// Returns the age of each position at the tick, s: the time since its arrival, and its latency by decision 15
+/// (paragraph "Brought to the tick").
 fn ages(report: &[Report], candidates: &[usize]) -> Vec<f64> {
     const WEEK: f64 = 604_800.0;
     let lag = |i: usize| {

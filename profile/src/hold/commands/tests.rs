@@ -176,7 +176,6 @@ fn an_unknown_word_that_is_too_old_is_acknowledged_as_too_old() {
 
 #[test]
 fn after_an_earlier_timestamp_a_command_waits_for_a_later_one() {
-    // A timestamp that is behind by less than 2^31 ms is earlier. The limit is tested in both directions.
     for (timestamp, is_later) in
         [(999, false), (1_001, true), (1_000 + (1 << 31), false), (1_000 + (1 << 31) - 1, true), (0, false)]
     {
@@ -232,9 +231,11 @@ fn a_damaged_or_misplaced_uplink_changes_nothing() {
 
 #[derive(Clone, Copy, Debug)]
 struct Period {
-    /// How many uplinks the writer has written since the one that the DPR hands on; `None` if the answer is lost.
+    /// The age of the uplink in the hold's answer: the number of newer uplinks of its writer; `None` if the answer is
+    /// lost.
     uplink: Option<usize>,
-    /// How many periods ago the hold sealed the object that the writer reads; `None` if the writer reads none.
+    /// The age of the hold's object that the writer reads: the number of newer objects; `None` if the writer reads
+    /// none.
     object: Option<usize>,
     writes: bool,
     gives_up: bool,

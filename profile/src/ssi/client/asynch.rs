@@ -1,4 +1,4 @@
-//! The client on an SPI device of [embedded-hal-async 1.0](embedded_hal_async). Apart from that, it is like
+//! The client on an SPI device of [embedded-hal-async 1.0](embedded_hal_async): the asynchronous form of
 //! [`blocking`](super::blocking).
 //!
 //! The caller configures the device: mode 0, most significant bit first, a clock that [`timing`](crate::ssi::timing)
@@ -30,8 +30,8 @@ impl<Spi: SpiDevice> Dpr<Spi> {
     ///
     /// # Errors
     ///
-    /// The error of the bus. [`Failed::report`] is then the report of a transaction without data, in which the position
-    /// has become older.
+    /// The error of the bus. [`Failed::report`] is then the report of a transaction without data. Its position has
+    /// become older.
     pub async fn read(&mut self, now_us: u64, fresh_us: Option<u64>) -> Result<Report, Failed<Spi::Error>> {
         self.brought = 0;
         // `begin` cannot fail here, because the buffer has room for the longest transaction.
@@ -61,7 +61,7 @@ impl<Spi: SpiDevice> Dpr<Spi> {
         self.client.view(brought)
     }
 
-    /// The client, by which a window is requested or an object is written.
+    /// The client. By it a window is requested or an object is written.
     pub const fn client(&mut self) -> &mut Client {
         &mut self.client
     }

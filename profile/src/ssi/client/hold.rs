@@ -55,7 +55,7 @@ struct Last {
 #[derive(Clone, Debug, Default)]
 pub struct HoldTrack {
     last: Option<Last>,
-    /// The instant at which the bytes of Hold-Status were last read as an intact object or as vacant, µs.
+    /// The instant, µs, of the last reading that showed an intact Hold-Status, or 0x00 or 0xFF throughout in its place.
     looked_us: Option<u64>,
 }
 
@@ -74,7 +74,8 @@ impl HoldTrack {
             Some(Shown::Intact(status))
                 if self.last.is_some_and(|last| last.values.timestamp == status.timestamp()) => {}
             Some(Shown::Intact(status)) => {
-                // Hold-Status was published after the previous reading, and at most [`EXPIRY_US`] before this one.
+                // The DPR published this Hold-Status after the previous reading, and at most [`EXPIRY_US`] before this
+                // one.
                 let since_us = self.looked_us.and_then(|looked_us| began_us.checked_sub(looked_us));
                 let shown_us = since_us.map_or(u64::from(EXPIRY_US), |since_us| since_us.min(EXPIRY_US.into()));
                 let age_us = sum_us(HOLD_FRAME_US, shown_us);

@@ -116,7 +116,7 @@ impl Config {
 #[derive(Clone, Debug)]
 pub struct Client {
     config: Config,
-    /// The window of the next or of the present transaction; `None` stands for the default window.
+    /// The window of the transaction in progress, or of the next one; `None` stands for the default window.
     window: Option<Request>,
     shown: Request,
     asked: Option<Request>,
@@ -203,7 +203,7 @@ impl Client {
     ///
     /// # Errors
     ///
-    /// [`Rejection::Length`] if `mosi` is shorter than that number; nothing is changed then.
+    /// [`Rejection::Length`] if `mosi` is shorter than the transaction; nothing is changed then.
     pub fn begin(&mut self, mosi: &mut [u8]) -> Result<usize, Rejection> {
         let asked = self.asked.or(self.sent);
         let object = self.object;
@@ -242,8 +242,8 @@ impl Client {
         self.track.report(&self.config, brought, began_us, fresh_us)
     }
 
-    /// The window of the next or of the present transaction. A requested window counts once its request has reached the
-    /// DPR.
+    /// The window of the transaction in progress, or of the next one. A requested window counts once its request has
+    /// reached the DPR.
     #[must_use]
     pub fn window(&self) -> Request {
         self.window.unwrap_or(self.default_window())

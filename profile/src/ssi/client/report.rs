@@ -13,8 +13,8 @@ pub const AGE_UNKNOWN: u32 = u32::MAX;
 pub enum Verdict {
     /// A new sample that is in sequence, valid and not too old. [`Report::position`] is its position.
     Fresh = 1,
-    /// The sample of the transaction before, intact and older. A flight controller that reads more often than every 10
-    /// ms gets this result regularly.
+    /// The transaction read the same sample as the one before. This is usual for a flight controller that reads more
+    /// often than every 10 ms.
     Same = 2,
     /// A new, intact sample that is not shown, because the sequence is not found yet: the timestamp must advance [three
     /// times](super::SEARCH_CYCLES) in a row.
@@ -33,8 +33,8 @@ pub enum Verdict {
     /// Every byte is 0xFF, or there are no bytes: the DPR was busy and has not received the request, which the client
     /// sends again.
     Busy = 8,
-    /// Link-Status is not intact, or Reported-Position is neither intact nor vacant, or they were not read whole. The
-    /// data are not used.
+    /// Link-Status is not intact, or Reported-Position is neither intact nor 0x00 or 0xFF throughout, or one of them
+    /// was not read whole. The data are not used.
     Damaged = 9,
     /// There were no intact data for more than [`Config::silence_us`](super::Config::silence_us): the DPR is off, hung
     /// or not connected. This replaces [`Busy`](Self::Busy) and [`Damaged`](Self::Damaged).
@@ -68,8 +68,8 @@ pub struct Report {
     /// The position to fly by, possibly from an earlier transaction. `None` means that the flight controller must use
     /// its own receiver. Values that are not valid are NaN.
     pub position: Option<ReportedValues>,
-    /// HORUS's own status: its state, which includes an emergency, and the number of agreeing receivers. It is from the
-    /// same sample as the position and is shown under the same rules, but even if the position is invalid.
+    /// HORUS's own status: its state, which includes an emergency, and the number of agreeing receivers. It belongs to
+    /// the same sample as the position. It is shown even if the position is invalid.
     pub status: Option<ReportedStatus>,
     /// An upper bound of the age of the last intact sample when the transaction began, µs; [`AGE_UNKNOWN`] if there is
     /// none. [`Report::position`], if any, is from this sample.
@@ -91,6 +91,6 @@ impl Report {
 pub struct Failed<E> {
     /// The error of the bus.
     pub bus: E,
-    /// The report of the failed transaction, with the position that remains to fly by.
+    /// The report of the failed transaction. Its position, if any, is that of an earlier transaction.
     pub report: Report,
 }

@@ -7,11 +7,10 @@ use crate::{CYCLE_MS, Freshness, LinkStatus, ReportedPosition, ReportedValues, f
 /// The time after an image's publication at which the DPR stops showing the image, µs (docs/design.md#publication).
 pub const EXPIRY_US: u32 = 25_000;
 
-/// The tolerance, µs, for the instant at which a sample is read, against its timestamp; 2 % of the step are added. It
-/// is the time for which an image can be read, and the tolerance that [`sequence`](crate::sequence) has for the link.
+/// The tolerance, µs, between the instant at which a sample is read and its timestamp; 2 % of the step are added. It is
+/// the sum of the time for which an image can be read and the link's tolerance in [`sequence`](crate::sequence).
 pub const TOLERANCE_US: u32 = EXPIRY_US + crate::sequence::TOLERANCE_US;
 
-/// What a transaction read, as far as the tracking needs it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Brought<'a> {
     pub(super) busy: bool,
@@ -44,8 +43,8 @@ pub(super) struct Track {
     found: u8,
     /// The last sample's values, if the sample may be shown. Its position need not be valid.
     shown: Option<ReportedValues>,
-    /// The DPR's timestamp in the last intact Link-Status, by which its image is known, and the instant of reading it,
-    /// µs.
+    /// The DPR's timestamp in the last intact Link-Status, and the instant of reading that Link-Status, µs. The
+    /// timestamp identifies the image.
     image: Option<(u32, u64)>,
     /// The instant, µs, of the last reading with intact data. Before the first such reading, it is that of the first
     /// transaction.
@@ -148,7 +147,8 @@ impl Track {
     }
 }
 
-/// The earliest instant, µs, at which a sample could have been read, if it continues `last` and was read at `read_us`.
+/// Returns the earliest instant, µs, at which the sample of `timestamp` could have been read. Returns `None` if this
+/// sample, which was read at `read_us`, does not continue `last`.
 fn due_us(last: &Sample, timestamp: u32, read_us: u64) -> Option<u64> {
     let Freshness::Fresh { missed: missed @ 0..=MAX_MISSED } = freshness(Some(last.timestamp), timestamp) else {
         return None;
@@ -160,7 +160,9 @@ fn due_us(last: &Sample, timestamp: u32, read_us: u64) -> Option<u64> {
     if due_us.abs_diff(read_us) > tolerance_us {
         return None;
     }
-    // A sample that is read early shows that earlier samples were read late. HORUS's clock may be slower by 2 %.
+    // If this sample is read earlier than expected, earlier samples were read late, so the expected instant moves to
+    // this reading. It moves to a later instant by at most 2 % of the step, because HORUS's clock may be slower by that
+    // much.
     Some(read_us.min(due_us.saturating_add(drift_us)))
 }
 
@@ -168,7 +170,7 @@ fn is_too_old(age_us: u32, config: &Config) -> bool {
     age_us > config.age_limit_us || age_us == AGE_UNKNOWN
 }
 
-/// The sum of `age_us` and `since_us`, the time that has passed since that age, µs; at most [`AGE_UNKNOWN`].
+/// Adds `since_us` to the age `age_us`, µs; the sum is at most [`AGE_UNKNOWN`].
 pub(super) fn sum_us(age_us: u32, since_us: u64) -> u32 {
     u32::try_from(u64::from(age_us).saturating_add(since_us)).unwrap_or(AGE_UNKNOWN)
 }

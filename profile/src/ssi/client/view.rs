@@ -5,14 +5,14 @@ use crate::criticality::{BaseStation, FlightController, WritesUplink};
 use crate::ssi::Request;
 use crate::{HoldStatus, Layout, LinkStatus, Object, PortStatus, Rejection, ReportedPosition, Uplink, image};
 
-/// What the transaction read in place of one object of the map.
+/// What the transaction read at the place of one object of the map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shown<T> {
     /// The object was read intact.
     Intact(T),
     /// There is no object: every byte is 0x00 or every byte is 0xFF, as after a scrub.
     Vacant,
-    /// The bytes are not the object, for this reason.
+    /// The bytes are not the expected object, for the given reason.
     Damaged(Rejection),
 }
 

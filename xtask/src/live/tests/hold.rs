@@ -7,11 +7,11 @@ use bench_judge::{HoldEvent, Log, What};
 
 use super::*;
 
-/// The longest time from a command on the page to its outcome there, virtual ms.
+/// The longest time from a command on the page to the display of its outcome, virtual ms.
 const ANSWERS_WITHIN_MS: u64 = 1_000;
 
-/// Returns the set-up of a run with a hold, whose event log has the name `name`. If the images were not built, prints a
-/// message and, where the environment has `CI`, fails the test.
+/// Returns the setup of a run with a hold and with an event log of this name; `None` and a message if the images were
+/// not built. In CI the test fails then.
 fn setup(name: &str) -> Option<Setup> {
     let Images { horus, dpr } = images()?;
     let dpr = dpr.with_file_name("dpr-fw-hold.elf");
@@ -28,7 +28,7 @@ fn setup(name: &str) -> Option<Setup> {
     Some(Setup { writes: true, relays: true, hold: Some(hold), log, ..setup })
 }
 
-/// Returns the levels of the hold's lock output in the order of the log, from the first one on.
+/// Returns the successive levels of the hold's lock output in the log.
 fn locks(setup: &Setup) -> Vec<bool> {
     let log = Log::read(BufReader::new(File::open(setup.log.as_ref().unwrap()).unwrap())).unwrap();
     let locks = log.events.iter().filter_map(|event| match &event.what {
@@ -38,7 +38,7 @@ fn locks(setup: &Setup) -> Vec<bool> {
     locks.collect()
 }
 
-/// Returns the greatest shares of a second, in ten thousandths, for which heater and cooler were on.
+/// Returns the greatest shares of a second in which heater and cooler were on, in ten thousandths.
 fn outputs(setup: &Setup) -> (u16, u16) {
     let log = Log::read(BufReader::new(File::open(setup.log.as_ref().unwrap()).unwrap())).unwrap();
     let on = log.events.iter().filter_map(|event| match &event.what {
@@ -52,7 +52,7 @@ fn speaks() -> Option<Speaks> {
     Some(Voice::with_commands)
 }
 
-/// Waits until the station may command the hold, which it may only after it has received Hold-Status for a while.
+/// Waits until the station has received Hold-Status for long enough to command the hold.
 fn ready(page: SocketAddr) {
     until(page, "a hold", |drone| drone["hold"]["values"]["seconds"].as_u64() >= Some(3));
 }
@@ -64,7 +64,7 @@ fn a_command_from_the_page_reaches_the_holds_output_within_a_second() {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../target/tmp/browser/live-hold");
     let mut tab = browser::Tab::start(&program, &folder);
     let mut took = vec![];
-    // The pace is not 1, so the station's clock is the bench's virtual time.
+    // At a pace other than 1 the station's clock is the virtual time.
     let outcome = watched_by(Page::start(0, 0.9, speaks(), |_, _| {}).unwrap(), &setup, |page, _| {
         tab.open(&format!("http://{page}/"));
         ready(page);
@@ -72,8 +72,7 @@ fn a_command_from_the_page_reaches_the_holds_output_within_a_second() {
         let mut command = |click: &str, outcome: &str| {
             tab.until("!document.querySelector('[data-command=lock]').disabled");
             let before = hold()["commands"][0]["number"].as_u64();
-            // The state in the page has the station's time. A script notes it at the click and when the outcome is
-            // displayed.
+            // A script notes the station's time at the click, and when the page displays the outcome.
             tab.eval(&format!(
                 "window.clicked = state.now_us; window.shown = null; window.watch = setInterval(() => {{
                    const last = state.drone.hold.commands[0];
@@ -130,8 +129,7 @@ fn with_loss_each_command_is_done_once_or_shown_as_lost() {
         for command in ["unlock", "lock"].repeat(8) {
             let mut answer = (0, String::new());
             let began = Instant::now();
-            // The radio may have lost so many messages that the hold counts as expired, which refuses the command. So
-            // the request is repeated.
+            // The station refuses commands while it has received no Hold-Status, because messages were lost.
             while answer.0 != 202 {
                 answer = ask(page, "POST", &format!("/hold?drone=1&command={command}"), &own);
                 assert!(matches!(answer.0, 202 | 409) && began.elapsed() < Duration::from_secs(120), "{answer:?}");
@@ -145,7 +143,7 @@ fn with_loss_each_command_is_done_once_or_shown_as_lost() {
             states.push((command, last["state"].as_str().unwrap().to_owned()));
             took.push(last["after_ms"].as_u64().unwrap());
         }
-        // Every command is known by now to be done or given up. A request from another site's page must be refused.
+        // The station refuses a request from another site's page.
         let (status, _) = ask(page, "POST", "/hold?drone=1&command=lock", "Origin: http://example.org\r\n");
         assert_eq!(status, 403);
     });
@@ -154,8 +152,7 @@ fn with_loss_each_command_is_done_once_or_shown_as_lost() {
     assert!(states.iter().all(|(_, state)| state == "done" || state == "lost"), "{states:?}");
     let lost = states.iter().filter(|(_, state)| state == "lost").count();
     let levels = locks(&setup);
-    // The hold must not carry out a command twice, or after a later one. Either would show as a further change of the
-    // lock.
+    // A command that the hold carries out twice, or after a later one, would change the lock once more.
     let mut expected: Vec<bool> = levels[..1].to_vec();
     expected.extend(states.iter().map(|(command, _)| *command == "lock"));
     expected.dedup();

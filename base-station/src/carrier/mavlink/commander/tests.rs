@@ -18,8 +18,6 @@ fn key() -> Key {
     Key::new([9; 32])
 }
 
-/// A station that commands a hold over a radio that loses messages. The hold follows the profile's own rule for
-/// commands.
 struct Scene {
     now: u64,
     intake: Intake,

@@ -4,11 +4,11 @@
 //! cycle, within [`bounds::SAMPLED_AFTER_TICK`] after the tick. HORUS accepts a reading after three equal samples in a
 //! row, and a contradiction after ten samples without three equal ones in a row.
 //!
-//! Reported-Position shows in the next cycle the state that follows from the accepted readings: that of the most severe
-//! input that is not inactive.
+//! In the next cycle, Reported-Position shows the state that follows from the accepted readings. The most severe input
+//! that is not inactive determines this state.
 //!
-//! If the levels of an input's pins change during the sampling, the judge allows every outcome. After an irregular tick
-//! the number of samples is not known, so nothing is required until later samples make the reading certain.
+//! If the pins of an input change while HORUS may sample them, the judge allows every outcome. After an irregular tick
+//! the number of samples is unknown, so the judge requires nothing until later samples determine the reading.
 
 use std::collections::VecDeque;
 
@@ -18,8 +18,8 @@ use crate::bounds;
 
 /// The number of inputs: relay, motor cut, emergency measure.
 const INPUTS: usize = 3;
-/// The number of samples that determine a reading. HORUS compares three samples in a row and waits for at most ten, so
-/// two before the last ten can still count.
+/// The number of samples that can determine a reading: HORUS waits for at most ten samples, and compares three in a
+/// row.
 const SAMPLES: usize = 12;
 /// The greatest number of uncertain samples that are judged; more would have too many outcomes.
 const MOST_UNSURE: usize = 6;
@@ -35,10 +35,10 @@ enum Says {
 #[derive(Clone, Debug)]
 struct Pair {
     now: Says,
-    /// The readings of the pair since the last tick: the one at that tick, and each later one with the instant, ns, at
-    /// which it began.
+    /// The readings of the input's pins since the last tick. The first is that at the tick; each later one has the
+    /// instant, ns, at which it began.
     since_tick: Vec<(u64, Says)>,
-    /// For each of the last [`SAMPLES`] samples, the readings that HORUS may have taken.
+    /// For each of the last [`SAMPLES`] samples of the input's pins, the readings that it may have had.
     samples: VecDeque<Vec<Says>>,
 }
 
@@ -145,8 +145,8 @@ fn shown(taken: [Option<Says>; INPUTS]) -> Vec<HorusState> {
 }
 
 impl Pair {
-    /// Returns the readings that HORUS may have accepted, `None` for no reading yet. Returns `None` alone if they are
-    /// not known.
+    /// Returns the readings that HORUS may have accepted. An entry is `None` if HORUS may have accepted no reading yet.
+    /// Returns `None` if the possible readings are not known.
     fn taken(&self, from_start: bool) -> Option<Vec<Option<Says>>> {
         if self.samples.iter().filter(|says| says.len() > 1).count() > MOST_UNSURE {
             return None;
@@ -160,7 +160,6 @@ impl Pair {
         }
         let mut taken = vec![];
         for sequence in sequences {
-            // Three equal samples no longer count if ten samples have followed them; twelve samples cannot hold both.
             let three = sequence.windows(3).rposition(|three| three.iter().all(|one| *one == three[0]));
             let one = match three {
                 Some(at) => Some(sequence[at]),
@@ -193,8 +192,6 @@ mod tests {
         HorusState::PositionLost,
     ];
 
-    /// Returns the states that HORUS may report at each of `ticks` ticks from 100 ms on. `levels` gives the input's
-    /// pins from instants (ms) on.
     fn allowed(input: usize, levels: &[(f64, bool, bool)], ticks: u64) -> Vec<Vec<HorusState>> {
         let mut state = Inputs::new();
         let mut levels = levels.iter().peekable();
@@ -225,8 +222,6 @@ mod tests {
     #[test]
     fn an_active_input_shows_three_samples_later() {
         for (input, of) in [(0, SwitchedToRedundant), (1, MotorsCut), (2, EmergencyFired)] {
-            // The input changes before the tick at 150 ms. The ticks at 150, 160 and 170 ms sample its new level, and
-            // the tick at 180 ms shows it.
             let shown = allowed(input, &[(145.0, true, false)], 10);
             assert_eq!(shown[7], SOUND);
             assert_eq!(shown[8..], [[of], [of]]);

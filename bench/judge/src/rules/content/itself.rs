@@ -62,7 +62,6 @@ impl Itself {
         (self.since, self.started_with, self.unsure) = (at, self.crystal, false);
     }
 
-    /// Returns whether HORUS's RAM kept its content during the last start.
     pub(super) fn keeps_ram(&self) -> bool {
         self.reason != Some(ResetReason::PowerOn)
     }
@@ -179,7 +178,7 @@ mod tests {
         let crystal = |works| What::Crystal { board: Board::Horus, works };
         let reset = || What::Reset { board: Board::Horus, cause: Cause::Pin, asked: true };
         let started = bounds::START;
-        // Returns after these events whether HORUS may report that it has a crystal, and whether it may report that it
+        // Returns whether HORUS may report after these events that it has a crystal, and whether it may report that it
         // has none.
         let allowed = |events: Vec<(u64, What)>| {
             let mut itself = Itself::new();

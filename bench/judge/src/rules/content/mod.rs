@@ -7,8 +7,8 @@
 //! the tick. It may show a message that arrived up to [`bounds::SAMPLED_AFTER_TICK`] after the tick.
 //!
 //! A GPS object's values and status are compared bit by bit; `track` determines the status bits by the message's age.
-//! HORUS may miss a message whose line was disturbed, whose bytes came before HORUS's first tick, or that lies within
-//! bytes that look like another message.
+//! HORUS may miss a message in three cases: the line was disturbed, the message's bytes came before HORUS's first tick,
+//! or they lie within bytes that look like another message.
 //!
 //! # What is not judged
 //!
@@ -16,16 +16,13 @@
 //! - Ages are not judged for two seconds after an irregular or missing tick or a jump of the timestamp, because HORUS
 //!   counts time in ticks.
 //! - While [`Excuse::Content`] holds, what HORUS states about its receivers, its vote and its inputs is not judged.
-//! - Reported-Position is not judged in a cycle with a wrong or missing GPS object, nor in the next cycle. In all
-//!   others `vote` judges it, and the bits *excluded*. HORUS's state (`inputs`) and its statements about itself
-//!   (`itself`) are judged in every cycle.
+//! - Reported-Position is not judged in a cycle with a wrong or missing GPS object, nor in the next cycle, because the
+//!   vote depends on these objects.
 //!
 //! HORUS receives no message that states a receiver's dynamic model; `models` judges the model by the settings in the
 //! log.
 //!
-//! A wrong object is reported at most once for its values and once for its status. The status is reported if the values
-//! are those of a message that HORUS may hold, or if values and status are both wrong but agree with each other.
-//! Otherwise the values are reported.
+//! A wrong GPS object causes at most one violation because of its values and one because of its status.
 
 mod inputs;
 mod itself;
@@ -66,18 +63,18 @@ struct Line {
     /// The messages that have arrived and that HORUS may not have processed yet.
     arriving: VecDeque<Message>,
     tracks: [Track; 3],
-    /// The instant, ns, at which the last message arrived that HORUS has certainly processed.
+    /// The arrival, ns, of the last message that HORUS has certainly processed.
     heard: Option<u64>,
     /// The latest instant, ns, at which HORUS may have found its last message.
     may_have_heard: Option<u64>,
     solution: Option<u64>,
-    /// The instants, ns, at which valid positions will have arrived whose bytes are still on the line.
+    /// The valid positions whose bytes are still on the line: the instants, ns, at which they will have arrived.
     solutions: VecDeque<u64>,
     /// The number of bytes that a receiver on a bus has yet to send.
     waiting: u64,
     /// The instant, ns, until which HORUS may drop the bytes that it reads from the receiver.
     doubtful: u64,
-    /// Whether HORUS may also drop the first bytes that it reads after the instant `doubtful`.
+    /// Whether HORUS may also drop the first bytes that it reads after the instant in `doubtful`.
     unproven: bool,
 }
 
@@ -97,8 +94,8 @@ impl Line {
         }
     }
 
-    /// Allows HORUS to drop the bytes that it reads until the instant `until`, ns, and the first bytes that it reads
-    /// later.
+    /// Allows HORUS to drop all bytes that it reads until `until`, ns, and the first bytes that it reads after this
+    /// instant.
     fn doubt(&mut self, until: u64) {
         (self.doubtful, self.unproven) = (self.doubtful.max(until), true);
     }
@@ -152,7 +149,7 @@ impl Line {
         self.unproven = true;
     }
 
-    /// Returns whether the receiver may have sent two messages of one kind in one cycle, so that GPS objects show only
+    /// Returns whether the receiver may have sent two messages of one kind in one cycle. If so, GPS objects show only
     /// the second.
     fn hurried(&self, tick: u64) -> bool {
         let by = tick + bounds::SAMPLED_AFTER_TICK;
@@ -256,7 +253,7 @@ impl Line {
     }
 }
 
-/// Returns the bits of the three numbers in a GPS object that belong to this kind of message.
+/// Returns, as bits, the three numbers of a GPS object that come from a message of this kind.
 fn numbers(kind: Kind, values: &GpsValues) -> [u64; 3] {
     match kind {
         Kind::Position => [values.latitude, values.longitude, values.altitude].map(f64::to_bits),
@@ -364,8 +361,8 @@ impl Rule for Content {
             What::Fed { receiver, byte_ns, bytes, clean, since } => {
                 let Some(line) = self.lines.get_mut(*receiver) else { return };
                 line.pass(at);
-                // A frame ends less than two cycles after its tick, so a later frame cannot depend on messages older
-                // than that.
+                // Messages older than four cycles cannot affect a later frame, which ends less than two cycles after
+                // its tick.
                 line.settle(at.saturating_sub(4 * bounds::CYCLE), self.ticks.first);
                 let disturbances = context.disturbances();
                 let clean = *clean && !disturbances.excuse(Excuse::Ears, at);
@@ -433,7 +430,7 @@ impl Content {
             match &object.state {
                 State::Valid { values: Values::Reported(values), .. } => {
                     voter.reported(values.status);
-                    // A profile shows the inputs as sampled one tick before its own.
+                    // A profile shows the state that HORUS sampled at the tick before.
                     if last == Some(tick)
                         && let Some(what) = inputs.wrong(values.status.state())
                     {

@@ -19,7 +19,7 @@ const MOST_CANDIDATES: usize = 64;
 #[derive(Clone, Debug)]
 struct Pace {
     time_of_week: Option<u32>,
-    /// The last steps, ms, each between the times of week of two successive messages.
+    /// The last steps of the messages' time of week, ms.
     steps: VecDeque<u32>,
 }
 
@@ -87,8 +87,8 @@ impl Age {
         Self { least: self.least + by, most: self.most + by }
     }
 
-    /// Returns two answers about a limit that lies between `least` and `most`, ns: whether the age may be within it,
-    /// and whether the age may exceed it.
+    /// Returns whether the age may be within a limit, and whether it may exceed the limit. The limit lies between
+    /// `least` and `most`, ns.
     pub(super) fn within(self, least: u64, most: u64) -> [bool; 2] {
         [self.least <= most, self.most > least]
     }
@@ -107,7 +107,6 @@ pub(super) struct Held {
 pub(super) const WEEK: i64 = WEEK_MS as i64 * 1_000_000;
 
 impl Held {
-    /// Returns this message as it looks at another tick, `by` ns later.
     pub(super) fn later(self, by: u64) -> Self {
         Self { age: self.age.later(by), since_epoch: (self.since_epoch + by as i64) % WEEK, ..self }
     }
@@ -116,13 +115,10 @@ impl Held {
 /// Whether a GPS object agrees with the messages that it may show.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Agreement {
-    /// Whether values and status agree with one and the same message.
     pub(super) both: bool,
-    /// Whether the values agree with a message that HORUS may hold.
     pub(super) values: bool,
-    /// Whether the status agrees with a message that HORUS may hold.
     pub(super) status: bool,
-    /// Whether the values are the numbers of a message, valid or not.
+    /// Whether the values are those in a message, even if the message marks them as invalid.
     pub(super) raw: bool,
 }
 
@@ -130,7 +126,7 @@ pub(super) struct Agreement {
 pub(super) struct Track {
     kind: Kind,
     candidates: Vec<Candidate>,
-    /// Whether HORUS may hold no message, or only one that is too old to count.
+    /// Whether HORUS may hold no message of the receiver that is young enough to count.
     none: bool,
     pace: Pace,
 }
@@ -154,7 +150,7 @@ impl Track {
         self.pace.taken(time_of_week);
     }
 
-    /// Records a message of which HORUS has by now decided whether to use it.
+    /// Records a message that HORUS may have missed, or may find later than usual.
     pub(super) fn doubted(&mut self, time_of_week: u32, said: MessageContent, arrived: u64) {
         self.possible(time_of_week, said, (arrived, arrived + FOUND_LATE));
         self.pace.doubted();
@@ -195,8 +191,7 @@ impl Track {
         self.candidates.iter().map(|candidate| candidate.arrived.1).max().unwrap_or(0)
     }
 
-    /// Returns, for each message with these values, the motion and the age of the position in a GPS object of `tick`.
-    /// If messages repeat a time of week, HORUS may count the age from the first or from a repeated one.
+    /// Returns, for each message with these values, the motion and the age of the position at `tick`.
     pub(super) fn held(&self, tick: u64, values: [u64; 3]) -> impl Iterator<Item = Held> {
         let shows = move |candidate: &&Candidate| candidate.said.motion.is_some() && candidate.said.values == values;
         self.candidates.iter().filter(shows).filter_map(move |Candidate { said, time_of_week, born, arrived }| {
@@ -220,8 +215,8 @@ impl Track {
         })
     }
 
-    /// Returns whether a GPS object of `tick` may state `code` as the age of its solution. If `timed` is false, HORUS's
-    /// ticks are irregular, and `code` need only say whether there is a solution.
+    /// Returns whether a GPS object of `tick` may state `code` as the age of its solution. If HORUS's ticks are
+    /// irregular (`timed` is false), any age is right.
     pub(super) fn may_tell_age(&self, tick: u64, timed: bool, code: u64) -> bool {
         let is_of = |candidate: &Candidate| {
             let age = Age::at(tick, candidate.born);
@@ -231,8 +226,8 @@ impl Track {
         (self.none && code == bounds::AGE_NEVER) || self.candidates.iter().any(is_of)
     }
 
-    /// Compares a GPS object of `tick` with the messages that it may show. If `timed` is false, HORUS's ticks are
-    /// irregular, and the messages may have any age.
+    /// Compares a GPS object of `tick` with the messages that it may show. If HORUS's ticks are irregular (`timed` is
+    /// false), the messages may have any age.
     pub(super) fn agreement(&self, tick: u64, timed: bool, status: u16, values: [u64; 3]) -> Agreement {
         let status = status & self.kind.mask();
         let mut agreement = Agreement::default();

@@ -122,8 +122,8 @@ pub(super) struct Reader {
     crossings: Vec<Crossing>,
     /// The instant, ns, at which the last byte of the line had arrived.
     last: Option<u64>,
-    /// The number of bytes at the beginning of `bytes` in which HORUS may find messages late or not at all, because
-    /// they may belong to an earlier message with a wrong checksum.
+    /// The number of bytes at the beginning of `bytes` that HORUS may take for a part of an earlier, damaged message.
+    /// HORUS may find messages that begin in these bytes late or not at all.
     doubtful: usize,
 }
 
@@ -143,8 +143,7 @@ impl Reader {
 
         self.last = self.crossings.last().map(|byte| byte.to).or(self.last);
 
-        // After a wrong message (`doubtful`) or an incomplete one (`waiting`), HORUS may wait for bytes that never
-        // come.
+        // If a message is incomplete or has a wrong length, HORUS may wait for an end that never comes.
         let (mut doubtful, mut waiting) = (self.doubtful, 0);
         let (mut open, mut start) = (None, 0);
         while let Some(rest) = self.bytes.get(start..).filter(|rest| !rest.is_empty()) {
@@ -187,9 +186,10 @@ impl Reader {
 enum Claim {
     /// No message.
     None,
-    /// An incomplete message of at least this many bytes.
+    /// The beginning of an incomplete message, which has at least this many bytes.
     Open(usize),
-    /// A message of this many bytes whose checksum is wrong, or that is too long for HORUS. HORUS waits for its end.
+    /// A message of this many bytes that has a wrong checksum or is too long for HORUS. HORUS waits for the end of such
+    /// a message.
     Wrong(usize),
     /// A complete message of this many bytes.
     Right(usize),
@@ -205,7 +205,6 @@ impl Claim {
                 match bytes.get(SYNC.len()..length) {
                     _ if length > LONGEST => Self::Wrong(LONGEST),
                     None => Self::Open(length),
-                    // A row of zeros has a right checksum but is no message, because no message has class 0.
                     Some(checked) => match checked.split_last_chunk::<2>() {
                         Some((covered, sum)) if checksum(covered) == *sum && checked[0] != 0 => Self::Right(length),
                         _ => Self::Wrong(length),
@@ -239,7 +238,6 @@ fn said(message: &[u8]) -> Option<(Kind, u32, MessageContent)> {
                 // A 2D fix has no altitude.
                 && (fix == 2 || bounds::ALTITUDE_MM.contains(&height))
                 && motion.is_credible(fix);
-            // The division of two exact numbers is rounded once, to the nearest float64.
             let altitude = if fix == 2 { ABSENT_F64 } else { f64::from(height) / 1e3 };
             let raw = [f64::from(latitude) / 1e7, f64::from(longitude) / 1e7, altitude].map(f64::to_bits);
             let values = if valid { raw } else { [ABSENT_F64.to_bits(); 3] };

@@ -37,7 +37,7 @@ impl Series {
     fn beyond(&self, bound: u64) -> Option<Outlier> {
         let (min, max) = self.extremes?;
         let span = self.span().filter(|span| span.width() > bound)?;
-        // The mean's distances from the least and the greatest value are compared in whole numbers.
+        // The sums are twice the distances from the mean, so that they are whole numbers.
         let low = 2 * self.sum > u128::from(self.count) * u128::from(min.value + max.value);
         Some(Outlier { span, at: if low { min.at } else { max.at }, bound })
     }
@@ -68,8 +68,8 @@ pub(super) struct Worst {
 impl Worst {
     /// Judges the jitter since HORUS's last start, at its next start or the end of the run.
     ///
-    /// A late tick also makes its command and its frame late. Of tick, command and air, only the first whose spread
-    /// exceeds its bound is therefore reported. The time between cycles scatters at least as much and is not judged.
+    /// A late tick also makes its command and its frame late. Therefore only the first of tick, command and air whose
+    /// spread exceeds its bound is reported. The time between cycles scatters at least as much and is not judged.
     pub(super) fn start_over(&mut self, jitter: &Jitter, layout: Layout, context: &Context) {
         let command = if context.worst_case() {
             bounds::TICK_TO_COMMAND_JITTER_PESSIMISTIC
@@ -103,7 +103,6 @@ impl Worst {
     }
 }
 
-/// Keeps the outlier with the greater span in `worst`. Returns whether `new` is an outlier.
 fn note(worst: &mut Option<Outlier>, new: Option<Outlier>) -> bool {
     if let Some(new) = new
         && worst.is_none_or(|worst| worst.span.width() < new.span.width())

@@ -10,11 +10,11 @@
 //!
 //! # One cause, one violation
 //!
-//! - A restart may cut off a transmit command or a frame and switches the field off; neither is reported. If ticks and
-//!   frames are missing for at most [`bounds::WATCHDOG_LONGEST`] before a reset that was not asked for, HORUS was hung,
-//!   and only the reset is reported.
-//! - These count as a frame of the cycle, so that no missing frame is reported as well: a command without its frame, a
-//!   frame without a command, a frame that broke off or does not consist of whole objects, and an extra frame.
+//! - A restart may cut off a transmit command or a frame, and it switches the field off. Neither is reported. If ticks
+//!   and frames are missing for at most [`bounds::WATCHDOG_LONGEST`] before a reset that was not asked for, HORUS was
+//!   hung, and only the reset is reported.
+//! - A frame that is reported for another reason also counts as sent, so that it is not reported as missing too. This
+//!   holds for a command without its frame, a frame without a command, a broken frame and an extra frame.
 //! - If the field drops, no frame is required until the end of the cycle in which the field comes back. HORUS may
 //!   switch the field off within [`bounds::FIELD_RECOVERY`] after a lost frame, to bring its front end up again. Then
 //!   only the lost frame is reported.
@@ -24,8 +24,8 @@
 //!   required. A frame begun or commanded before may break off or not come, and the field may go off. What HORUS sends
 //!   is still judged, and so are the ticks of HORUS's timer. What was missing before the hang is reported, since the
 //!   watchdog's reset is not.
-//! - No frames are required of a cycle if the next tick does not come in time. A missing or irregular tick may count in
-//!   the timestamps or not: the next timestamp shows whether it does, and the later ones have to continue that one.
+//! - No frames are required of a cycle whose next tick comes late. The timestamps may count a missing or irregular tick
+//!   or leave it out, but all later timestamps must do the same.
 //! - A frame that begins more than a cycle after the last tick belongs to a missing or late tick. The tick is reported,
 //!   and not an extra frame.
 //! - Cycles with a violation do not count for the jitter. If several of tick, command and air scatter too much, only
@@ -45,17 +45,19 @@ use crate::read::{Frame, State};
 use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
 use jitter::{Jitter, Series, Worst};
 
-/// How long, ns, after a reset chip select may rise because of the reset: some cycles of HORUS's 144 MHz clock.
+/// The time, ns, after a reset in which chip select may rise because of the reset: some cycles of HORUS's 144 MHz
+/// clock.
 const LETS_GO: u64 = 100;
 
 #[derive(Clone, Copy, Debug)]
 struct Command {
     at: u64,
-    /// Whether the frame that was commanded may be missing, because the field was off or HORUS hung.
+    /// Whether the frame that was commanded may be missing. This is so if the field was off or HORUS hung.
     cut_off: bool,
 }
 
-/// The possible numbers of a tick, from 1 at HORUS's start. There are several only after a missing or irregular tick.
+/// The possible numbers of a tick, counted from HORUS's start. After a missing or irregular tick more than one number
+/// is possible.
 #[derive(Clone, Copy, Debug, Default)]
 struct Number {
     least: u64,
@@ -63,7 +65,8 @@ struct Number {
 }
 
 impl Number {
-    /// Returns whether a tick with one of these numbers has this timestamp (ms). If so, the other numbers are dropped.
+    /// Returns whether a tick with one of these numbers can have this timestamp (ms), and drops the numbers that
+    /// cannot.
     fn is_stamped(&mut self, timestamp: u32) -> bool {
         // The number of the tick and the timestamp wrap together, after 2^32 ms.
         let least = (self.least * u64::from(CYCLE_MS)) as u32;
@@ -83,7 +86,7 @@ struct Tick {
     number: Number,
     /// Whether the cycle has a violation.
     blamed: bool,
-    /// Whether the cycle's frames may be missing, because the field was off or HORUS hung.
+    /// Whether the cycle's frames may be missing. This is so if the field was off or HORUS hung.
     cut_off: bool,
     /// For each frame of the cycle, the instants, ns, of its command and of its first preamble bit.
     frames: [Option<(u64, u64)>; 2],
@@ -99,9 +102,7 @@ impl Tick {
 
 #[derive(Clone, Copy, Debug)]
 enum Missing {
-    /// The last tick before the missing one, ns; `None` if the first tick after the start is missing.
     Tick { after: Option<u64> },
-    /// The cycle's tick, ns, the number of frames sent, and the number required.
     Frames { of: u64, sent: usize, wanted: usize },
 }
 
@@ -126,8 +127,8 @@ struct Run {
     /// The instant, ns, at which the first frame of the last cycle began; `None` if that cycle had a violation.
     led: Option<u64>,
     jitter: Jitter,
-    /// What is missing since the last frame, with its instant. It is reported when it is certain that HORUS has not
-    /// hung.
+    /// The frames and ticks that are missing since the last frame, each with its instant. They are reported only when
+    /// it is certain that HORUS has not hung.
     missing: Vec<(u64, Missing)>,
 }
 
@@ -447,7 +448,7 @@ impl Cycle {
             return others(run);
         };
         if frame.number.is_none() && disturbances.excuse(Excuse::Sending, at) {
-            // A register of the front end that has the frame's length may be wrong.
+            // The front end's register with the frame's length may hold a wrong value.
             return others(run);
         }
         let Some(number) = frame.number.or(disturbances.excuse(Excuse::Damage, at).then_some(0)) else {
@@ -500,7 +501,6 @@ const fn whole_by(command: &Command) -> u64 {
     command.at + bounds::COMMAND_TO_AIR + bounds::FRAME_LONGEST
 }
 
-/// Judges the objects of a frame whose cycle may have each of these numbers. Returns whether all are right.
 fn objects_are_right(at: u64, frame: &Frame, number: &mut Number, findings: &mut Findings) -> bool {
     let mut right = true;
     for object in &frame.objects {
@@ -512,8 +512,8 @@ fn objects_are_right(at: u64, frame: &Frame, number: &mut Number, findings: &mut
         right = false;
         findings.add(Violation::SentInvalid, at, || format!("object {} at {}: {why}", object.index, ms(at)));
     }
-    // The timestamps of the GPS objects are judged first. If they are right and Reported-Position's is not, rule
-    // `content` reports it.
+    // The loop ends with Reported-Position. If a GPS object with a timestamp came before it, rule `content` judges the
+    // timestamp of Reported-Position.
     let mut against = false;
     for object in frame.objects.iter().rev() {
         let Some(timestamp) = object.timestamp().filter(|_| object.index > 0 || !against) else { continue };

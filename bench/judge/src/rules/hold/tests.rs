@@ -10,7 +10,8 @@ use crate::Bytes;
 use crate::disturbance::{Conduct, Disturbance, HoldPart};
 use crate::testing::{self, Events};
 
-/// Returns the violations of a hold that is open at 30 °C, restarts for `cause`, and then says `after`.
+/// Returns the violations of a hold that is unlocked with a set-point of 30 °C, restarts for `cause`, and then sends a
+/// Hold-Status with the changes of `after`.
 fn restarted(cause: Cause, after: impl FnOnce(&mut HoldValues)) -> Vec<Violation> {
     let mut before = HoldValues { set_point: 30.0, ..HoldValues::absent(1_000) };
     before.acknowledged[0] = Acknowledged::new(4, Outcome::Done);
@@ -73,7 +74,6 @@ fn a_command_is_too_old_if_its_timestamp_stayed_the_same() {
     assert!(!too_old(&[came(0, 7, 2, 0.0), came(900 * MS, 8, 2, 0.0)]));
 }
 
-/// A run with a hold, in which nothing has happened yet.
 fn run() -> Events {
     let mut events = Events::new(1);
     events.hold = true;
@@ -85,12 +85,11 @@ fn violations(events: &Events) -> Vec<Violation> {
     testing::found(Hold::new(&log.header), &log).0.into_iter().map(|(violation, ..)| violation).collect()
 }
 
-/// The bytes of Hold-Status of the hold's instant `timestamp`, ms.
+/// Returns a Hold-Status with the timestamp `timestamp` (ms).
 fn status(timestamp: u32) -> Vec<u8> {
     HoldStatus::seal(WriterOf::<ActiveLoad>::claim(), &HoldValues::absent(timestamp)).as_bytes().to_vec()
 }
 
-/// A whole frame on the air, of which `payload` is between LEN and CRC-16.
 fn frame(started: u64, payload: &[u8]) -> HoldFrame {
     let bytes = [&[payload.len() as u8 + 1], payload, &[0; 2]].concat();
     HoldFrame { started, bytes: Bytes(bytes), whole: true }
@@ -103,7 +102,6 @@ fn exchange(events: &mut Events, at: u64, timestamp: u32) {
     events.add(at + 4 * MS, What::Hold(HoldEvent::Answered(answer)));
 }
 
-/// Adds a transaction that reads the whole map at `at`, and in it this object of the hold.
 fn read(events: &mut Events, at: u64, object: &[u8]) {
     let place = testing::header(1).layout().with_hold().hold().unwrap();
     let mut miso = vec![0; place.end];
@@ -125,10 +123,13 @@ fn after_its_start_the_dpr_takes_an_object_that_it_had_before() {
     };
     assert_eq!(after(true), []);
     assert_eq!(after(false), [Violation::HoldShown, Violation::HoldAnswer], "a repetition");
+    let mut events = run();
+    for (at, timestamp) in [(100, 700), (200, 800), (300, 800)] {
+        exchange(&mut events, at * MS, timestamp);
+    }
+    assert_eq!(violations(&events), [Violation::HoldAnswer], "a repetition of the second object");
 }
 
-/// Returns the violations of an exchange whose frame has bit 3 of byte `damaged` inverted at the DPR's antenna, and
-/// whose object the DPR shows as it was sent.
 fn shown_from_damaged(damaged: usize) -> Vec<Violation> {
     let mut events = run();
     let mut heard = frame(200 * MS, &status(200));
@@ -169,6 +170,9 @@ fn what_came_before_the_dprs_start_is_not_shown_after_it() {
     events.reset(150 * MS, Board::Dpr, true);
     read(&mut events, 149 * MS + 500_000, &[&status(700)[..32], &[0xFF; 32]].concat());
     assert_eq!(violations(&events), [], "the start cut the transaction off");
+    let mut at_its_start = events.clone();
+    read(&mut at_its_start, 150 * MS, &status(700));
+    assert_eq!(violations(&at_its_start), [Violation::HoldShown]);
     read(&mut events, 180 * MS, &status(700));
     assert_eq!(violations(&events), [Violation::HoldShown]);
 }
@@ -183,7 +187,6 @@ fn a_dpr_that_hangs_may_leave_an_answer_without_its_bytes() {
     assert_eq!(violations(&events), []);
 }
 
-/// An uplink of the base station (writer 0) or the flight controller, of its instant `timestamp` (ms).
 fn uplink(writer: usize, timestamp: u32) -> Vec<u8> {
     let values = UplinkValues { timestamp, ..UplinkValues::default() };
     let object = match writer {
@@ -193,15 +196,12 @@ fn uplink(writer: usize, timestamp: u32) -> Vec<u8> {
     object.as_bytes().to_vec()
 }
 
-/// Adds a transaction at `at` that writes an uplink, and that the DPR serves or not.
 fn write(events: &mut Events, at: u64, object: &[u8], served: bool) {
     let mosi = [&[0; 8], object].concat();
     let miso = vec![if served { 0 } else { 0xFF }; mosi.len()];
     events.add(at, What::Transaction { selected: at - MS / 2, mosi: Bytes(mosi), miso: Bytes(miso) });
 }
 
-/// Returns the violations of an answer that begins `after` (ns) a new object of the hold came at 1 s, with these
-/// uplinks. Before, both writers wrote what `written` has: writer, timestamp, instant (ms), and whether it was served.
 fn answers(after: u64, uplinks: [Vec<u8>; 2], written: &[(usize, u32, u64, bool)]) -> Vec<Violation> {
     let mut events = run();
     for (writer, timestamp, at, served) in written {

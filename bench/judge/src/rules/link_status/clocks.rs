@@ -14,9 +14,9 @@ const NOTICED: u64 = 2 * (bounds::CLOCK_WINDOW + (bounds::MAX_MISSED as u64 + 1)
 pub(super) struct Clocks {
     /// The timestamp, ms, of each cycle, and the instant, ns, of its sample.
     samples: VecDeque<(u32, u64)>,
-    /// The instant of the last cycle, ns, at which HORUS's clock may have differed from the DPR's over the last second.
+    /// The last instant of a cycle, ns, at which HORUS's clock may have differed from the DPR's over the second before.
     disagreed: Option<u64>,
-    /// The instant of the last cycle, ns, at which HORUS's clock may have agreed with the DPR's over the last second.
+    /// The last instant of a cycle, ns, at which HORUS's clock may have agreed with the DPR's over the second before.
     agreed: u64,
 }
 

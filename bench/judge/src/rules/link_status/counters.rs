@@ -82,7 +82,8 @@ pub(super) struct Counters {
     doubts: u64,
 }
 
-/// The counters that an image stated, with the possible values at that time. Later images are compared with them.
+/// The counters in an image that was read, and their possible values at that time. The counters of later images are
+/// compared with these.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Baseline {
     values: LinkValues,
@@ -132,8 +133,8 @@ impl Counters {
         [least, most.total + most.overdue(at + bounds::SEQUENCE_BAND).max(most.perhaps)]
     }
 
-    /// Returns whether an image published at `at`, ns, may have these counters. `next` has the counters after one more
-    /// frame, which the image may include.
+    /// Returns whether an image published at `at`, ns, may have these counters. The image may also include one further
+    /// frame, after which the counters are `next`.
     pub(super) fn fit(&self, values: &LinkValues, at: u64, publication: u64, next: Option<&Self>) -> bool {
         let missed = self.missed_until(at, publication, next);
         within(values.objects_accepted, self.accepted)
@@ -154,14 +155,14 @@ impl Counters {
             == places * u64::from(values.frames_received)
     }
 
-    /// Returns this image's counters as the reference for later images; `None` if a frame was overdue at `at`, ns.
+    /// Returns the counters of this image, for the comparison with later images. Returns `None` if a frame was overdue
+    /// at `at`, ns.
     pub(super) fn baseline(&self, values: &LinkValues, at: u64) -> Option<Baseline> {
         let overdue = self.missed.iter().any(|missed| missed.overdue(at + bounds::SEQUENCE_BAND) > 0);
         (!overdue).then_some(Baseline { values: *values, counters: *self })
     }
 
-    /// Returns whether the counters have advanced since the image `before` as they must. Returns true if that is
-    /// uncertain.
+    /// Returns whether the counters may follow those in the earlier image `before`.
     pub(super) fn follow(
         &self,
         before: &Baseline,

@@ -4,9 +4,8 @@
 //! select fell. The [expectation](crate::expectation) determines which frames the DPR had received by then, and allows
 //! either value where this is uncertain.
 //!
-//! The judge keeps one `Snapshot` of Link-Status after each frame, and an image has to fit one that is possible. A
-//! frame that ended shortly before FRESH rose may or may not be included. It certainly is if the image shows one of its
-//! objects, or if only that frame can have caused the image.
+//! The judge keeps a `Snapshot` of the possible values of Link-Status after each frame, and an image has to agree with
+//! one of them. If a frame ended shortly before FRESH rose, the image may lack it.
 //!
 //! # What each violation compares
 //!
@@ -17,14 +16,12 @@
 //! | `LinkFlags` | the frames at the antenna, the DPR's last start, and the injected faults |
 //! | `LinkTime` | the time since the DPR's start |
 //!
-//! An image that another rule reports is left out: by rule `ssi` if FRESH did not announce it or announced a newer one,
-//! by rule `shown` if it lacks objects. In the latter case, bits 0 and 1 of the status may fit either the image or the
-//! frames at the antenna.
+//! If FRESH has not announced an image as rule `ssi` requires, the image is not compared. If objects are missing in the
+//! image (rule `shown`), bits 0 and 1 of the status may fit the image or the frames at the antenna.
 //!
-//! While [`Excuse::Hearing`] holds, only the time, the reason of the last reset, and the report of a silent front end
-//! are judged. From [`bounds::FRONT_END_TOLD`] after a front end has ceased to answer, Link-Status must say that the
-//! front end is at fault, the link is down and not all objects were accepted. While [`Excuse::LinkCounters`] holds,
-//! counters are compared only with those of the image before.
+//! While [`Excuse::Hearing`] holds, only the time, the reason of the last reset and the report of a front end that does
+//! not answer are judged. That report must come within [`bounds::FRONT_END_TOLD`]. While [`Excuse::LinkCounters`]
+//! holds, counters are compared only with those of the previous image.
 
 mod clocks;
 mod counters;
@@ -46,7 +43,7 @@ use crate::expectation::{Certainty, Delivery};
 use crate::read::{Reading, State};
 use crate::{Board, Context, Event, Findings, Header, Violation, What, bounds};
 
-/// The number of frames, and of rises of FRESH, that are kept, because a transaction may be long.
+/// The number of frames and of rises of FRESH that are kept for a transaction that has not ended.
 const REMEMBERED: usize = 64;
 
 /// The tolerance of the age that Link-Status states, ns: the DPR's clock, its detection of a frame's end, and HORUS's
@@ -55,7 +52,8 @@ const INSTANTS: u64 = 30_000;
 
 const AGE_UNIT: u64 = 100_000;
 
-/// The tolerance, ns, of the second for which Link-Status reports a restart. The commit and the crystals need it.
+/// The tolerance, ns, of the second in which Link-Status reports a restart of HORUS: the time of a commit and the
+/// errors of the crystals.
 const RESTART_BAND: u64 = 2_000_000;
 
 /// A Reported-Position that the DPR accepted, or may have accepted.
@@ -71,7 +69,8 @@ struct Sample {
 }
 
 impl Sample {
-    /// Returns a sample that stands for this one, for `other`, which is not older, and for all samples between the two.
+    /// Returns a sample that stands for this sample, for the newer sample `other`, and for all possible samples between
+    /// them.
     fn or(self, other: Self) -> Self {
         let newest = self.delay.max(other.at.saturating_sub(self.at) + other.delay);
         Self { at: self.at, delay: newest, unsure: self.unsure.max(other.unsure) }
@@ -82,7 +81,7 @@ impl Sample {
 struct Snapshot {
     frame: Option<Delivery>,
     counters: Counters,
-    /// The samples of which one is the last that the DPR accepted.
+    /// The samples that the DPR may have accepted last; one of them it has.
     samples: Vec<Sample>,
     /// Whether it is possible that the DPR has accepted no sample.
     none: bool,
@@ -90,10 +89,11 @@ struct Snapshot {
     must: u8,
     /// The objects of the cycle that the DPR may have accepted; bit n is object n.
     may: u8,
-    /// The instants, ns, until which the DPR must hold the sequence, and until which it may.
+    /// Two instants, ns. The DPR must hold the sequence until the first, and may hold it until the second.
     held: (u64, u64),
     frozen: Certainty,
-    /// The last instants, ns, at which the DPR certainly took a cycle for a restart of HORUS, and at which it may have.
+    /// Two instants, ns: the last at which the DPR certainly detected a restart of HORUS, and the last at which it may
+    /// have detected one.
     restarted: [Option<u64>; 2],
     implausible: Certainty,
 }
@@ -281,7 +281,7 @@ impl LinkStatus {
             Some(candidates)
         };
         self.last.clone_from(&reading.miso);
-        // An image that replaces an unsound one states the same time as the unsound one, so its time is not judged.
+        // An image that replaces an unsound one repeats the time of the unsound one, so its time is not judged.
         let mut of_the_start = None;
         if !disturbances.excuse(Excuse::UnsoundImage, published) {
             if let Some(words) = self.time.wrong(values.timestamp, published, dpr.since) {
@@ -481,7 +481,8 @@ impl LinkStatus {
         }
         let band = bounds::SEQUENCE_BAND;
         let waits = frame.number + 1 < self.layout.frames();
-        // Close to a deadline, or during the wait for a second frame, the image may still be the previous cycle's.
+        // Close to a deadline, or while the DPR waits for a second frame, the readable image may be that of the
+        // previous cycle.
         if after + band > bounds::FRAME_DEADLINE || waits && after < bounds::SECOND_FRAME + band {
             return [Certainty::May; 2];
         }

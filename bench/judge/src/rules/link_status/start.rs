@@ -41,8 +41,8 @@ impl Reasons {
 
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Time {
-    /// The publication of the first image since the start, ns, and by how much, ns, that image understated the time
-    /// since the start.
+    /// The instant, ns, at which the first image since the start was published, and how much, ns, this image
+    /// understated the time since the start.
     first: Option<(u64, i128)>,
     last_ms: u32,
 }

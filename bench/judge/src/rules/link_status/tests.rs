@@ -7,7 +7,6 @@ use crate::{Board, Cause, Disturbance, Event, Violation, What, bounds};
 
 const RECEIVERS: [usize; 3] = [1, 3, 5];
 
-/// Returns an edit that changes Link-Status in the images published within `times`.
 fn within(times: std::ops::Range<u64>, change: impl Fn(&mut LinkValues)) -> impl Fn(&mut Vec<Image>) {
     move |images| {
         let mut changed = 0;
@@ -19,7 +18,6 @@ fn within(times: std::ops::Range<u64>, change: impl Fn(&mut LinkValues)) -> impl
     }
 }
 
-/// Returns an edit that changes Link-Status in the image of this cycle.
 fn of(run: &Run, cycle: u32, change: impl Fn(&mut LinkValues)) -> impl Fn(&mut Vec<Image>) {
     within(run.end(cycle)..run.end(cycle) + MS, change)
 }
@@ -110,7 +108,7 @@ fn each_counter_that_is_off_by_one_is_a_violation() {
 #[test]
 fn counters_that_go_on_wrongly_together_are_wrong() {
     for n in RECEIVERS {
-        // Link-Status counts a damaged object as accepted, or a received frame as missed.
+        // In these runs Link-Status counts a damaged object as accepted, or a received frame as missed.
         let run = Run::new(n).hit(20, 0, Air::Hit(vec![1]));
         let change = |values: &mut LinkValues| {
             values.objects_accepted += 1;
@@ -363,8 +361,6 @@ fn a_rise_of_fresh_for_the_same_image_is_no_publication() {
     // With a control cycle of 7 ms, FRESH has usually risen twice for an image before a transaction reads the image.
     let run = Run { control: 7 * MS, ..Run::new(3) };
     let own = |kind: &Violation| *kind >= Violation::LinkAge && *kind <= Violation::LinkTime;
-    // `offered` identifies each announced image by a number. FRESH rises again 3 ms after each rise, for the same image
-    // or for another one.
     let broken = |another: u64| {
         let mut log = run.log(|_| {});
         let mut again = vec![];
@@ -423,8 +419,6 @@ fn a_power_cycle_of_the_dpr_is_a_start() {
     assert_eq!(crate::rules::shown::synthetic::kinds(&crate::judge(&log)), []);
 }
 
-/// Returns whether a flag is wrong in a run whose last frame is that of cycle 20. The image published `after` ns after
-/// that cycle's sample, more than 260 ms later, says whether the sequence is `held`.
 fn published_late(after: u64, held: bool) -> bool {
     let run = Run { cycles: 60, ..Run::new(3) }.hit_all(21..=60, &Air::Lost);
     let sampled = run.tick(20) + 3 * US;
@@ -438,8 +432,7 @@ fn published_late(after: u64, held: bool) -> bool {
 
 #[test]
 fn the_sequence_is_held_for_26_cycles_plus_the_clock_tolerance() {
-    // The sequence is held for 260 + 2.5 + 5.2 ms. Within 0.3 ms of this limit either value is right, and the DPR takes
-    // the value up to 0.2 ms before it can be read.
+    // The sequence is held for 260 + 2.5 + 5.2 ms. The judge accepts either value within 0.3 ms of this limit.
     assert!(published_late(267_400_000, false));
     assert!(!published_late(267_400_001, false));
     assert!(!published_late(267_400_001, true));
@@ -491,8 +484,6 @@ fn any_number_of_samples_may_follow_the_last_certain_one() {
     snapshot.accept(sample(10), true);
     (11..100).for_each(|nth| snapshot.accept(sample(nth), false));
     let fits = |snapshot: &super::Snapshot, told| super::age_fits(snapshot, told, 1_000 * MS + 50_000);
-    // The oldest of three samples is 900 ms old and was certainly accepted; the newest is 10 ms old. The judge merges
-    // the oldest two, so that any age between theirs is possible.
     for (told, fit) in [(9_001, true), (9_003, false), (8_950, true), (100, true), (150, false), (96, false)] {
         assert_eq!(fits(&snapshot, told), fit, "{told}");
     }
@@ -518,7 +509,6 @@ fn frames_that_a_deaf_front_end_may_have_missed_end_no_silence() {
     let run = Run { cycles: 100, ..Run::new(3).hit_all(20..90, &Air::Lost) };
     let told = |mut run: Run| {
         let deaf = Disturbance::FrontEnd { board: Board::Dpr, harm: Harm::Deaf };
-        // A deaf front end excuses the DPR until cycle 50, so the DPR may have missed the frames of cycles 10 to 19.
         run.extra.push(Event { at: run.tick(10), what: injected(deaf, run.tick(50) - bounds::FRONT_END_RECOVERY) });
         let silent = run.end(9) + bounds::SILENCE;
         run.broken(within(silent + 5 * MS..run.end(19) + bounds::SILENCE, |values| flip(values, 5)))

@@ -1,14 +1,12 @@
 //! Compares Port-Status, and the uplinks that are read back, with what the flight controller has written.
 //!
-//! The judge determines the state of a correct DPR after each transaction (`model`), and several possible states where
-//! it is uncertain, as for the duration of a self-test. The first image published after a transaction may show the
-//! transaction's effect, and the second must.
+//! After each transaction the judge determines which states a correct DPR can have (`model`). The first image published
+//! after a transaction may show the transaction's effect, and the second must.
 //!
 //! # What is not required
 //!
-//! - While [`Excuse::Service`] holds, this rule requires nothing, because the DPR may have received any number of the
-//!   written bytes. Afterwards the judge takes over the values of one Port-Status, if the transactions can lead to them
-//!   and no written object is pending, and judges later values by these.
+//! - While [`Excuse::Service`] holds, this rule requires nothing, because it is unknown which of the written bytes the
+//!   DPR received. Afterwards the judge takes a plausible Port-Status as the reference for all later ones.
 //! - While [`Excuse::UnsoundImage`] holds, a damaged Port-Status or uplink is only required to be invalid.
 //! - Port-Status is not judged in a map that FRESH has not announced in time, because another rule reports that map.
 
@@ -31,13 +29,13 @@ use crate::{Board, Context, Disturbances, Event, Findings, Header, Violation, Wh
 use health::HealthFields;
 use model::{Model, Place, status_in, writes};
 
-/// The number of rises of FRESH that are kept, because a transaction may be long.
+/// The number of rises of FRESH that are kept for a transaction that has not ended.
 const REMEMBERED: usize = 64;
 
 /// The number of written objects that are kept: more than can be written between two images.
 const WRITTEN: usize = 128;
 
-/// The longest time, ns, from the instant for which Port-Status states its ages until its publication.
+/// The longest time, ns, from the making of a Port-Status to its publication.
 const MADE_BEFORE: u64 = 4 * bounds::CYCLE;
 
 /// The longest time, ns, from the end of a transaction until the DPR has judged the object in it.
@@ -62,12 +60,12 @@ pub struct PortRule {
     /// known.
     entries: VecDeque<Entry>,
     fresh: VecDeque<u64>,
-    /// The instant, ns, at which the last transaction ended that may have changed a counter of Port-Status.
+    /// The end, ns, of the last transaction that may have changed a counter of Port-Status.
     written: u64,
     /// The values of Port-Status when it was last read, and the number of transactions since that reading.
     known: (PortValues, u32),
-    /// Values read while no written object was pending, with which later ones are compared: the access violations in
-    /// Link-Status, those in Port-Status, and the timestamp of the last command. `None` if not known.
+    /// The values with which later ones are compared: the access violations in Link-Status and in Port-Status, and the
+    /// timestamp of the last command. `None` if not known.
     counted: Option<(u32, u32, u32)>,
     health: HealthFields,
     /// Whether Port-Status has reported that the last self-test failed.
@@ -189,8 +187,8 @@ impl PortRule {
             findings.add(Violation::PortStatusWrong, selected, || "a self-test failed, and nothing is damaged".into());
         }
         if self.entries.is_empty() {
-            // If no written object is pending, Port-Status must show the effect of the last one. Only an image that
-            // replaced an unsound one with the same content need not.
+            // If no written object is pending, Port-Status must show the effect of all written objects. An image that
+            // only replaces an unsound one need not show it.
             let shows = previous.is_some_and(|previous| self.written < previous);
             if shows && !disturbances.excuse(Excuse::UnsoundImage, selected) {
                 let (before, transactions) = self.known;
@@ -217,8 +215,7 @@ impl PortRule {
                 let expected = self.entries[last].models.first();
                 format!("{values:?} instead of {expected:?}")
             });
-            // Later values are compared with this Port-Status although it is wrong, so that each error is reported
-            // once.
+            // The judge continues from this wrong Port-Status, so that it reports each error once.
             self.entries.clear();
             self.counted = None;
             self.known = (values, 0);
@@ -235,8 +232,8 @@ impl PortRule {
         }
     }
 
-    /// Judges the number of access violations in Link-Status, which must grow with the counts in Port-Status unless a
-    /// command clears those.
+    /// Judges the number of access violations in Link-Status. This number and the counts in Port-Status must grow
+    /// equally, unless a command clears the counts.
     fn counted(&mut self, link: u16, values: &PortValues, selected: u64, findings: &mut Findings) {
         let now = (u32::from(link), values.violations.total(), values.last_command_timestamp);
         let Some(before) = &mut self.counted else { return };
@@ -250,8 +247,7 @@ impl PortRule {
         }
     }
 
-    /// Records that Port-Status must include the objects written up to entry `place`, because its values fit no other
-    /// entry.
+    /// Records that Port-Status includes the objects written up to entry `place`, because it fits no other state.
     fn decided(&mut self, place: usize, values: &PortValues, published: u64) {
         self.entries[place].models.retain(|model| model.fits(values, published));
         self.entries[place].models.iter_mut().for_each(|model| model.told(values));
@@ -285,7 +281,7 @@ impl PortRule {
                 .any(|model| shows(&model.places[writer], told, read, published));
             let hit = disturbances.excuse(Excuse::UnsoundImage, selected);
             if !fits && !hit {
-                // A reader finds damaged bytes by their CRC.
+                // A damaged uplink is no violation by itself, because its reader detects the damage by the CRC.
                 let damaged = read.is_some_and(|read| !is_vacant(read) && !is_intact(writer, read));
                 let fits_but_for_bytes = || {
                     let mut models = places.clone().flat_map(|place| &self.entries[place].models);
@@ -302,9 +298,9 @@ impl PortRule {
     }
 }
 
-/// Returns whether `transactions` transactions of unknown content can change Port-Status from `before` to `now`. A
-/// transaction adds at most one to each counter, except two to the counter of transactions beyond the budget. In
-/// `before`, the effects of up to [`bounds::SSI_BUDGET`] transactions for each of two images may be missing.
+/// Returns whether this number of unknown transactions can change Port-Status from `before` to `now`. A transaction
+/// adds at most two to the counter of transactions beyond the budget, and at most one to each other counter. The first
+/// Port-Status may lack the effects of up to two times [`bounds::SSI_BUDGET`] earlier transactions.
 fn may_follow(before: &PortValues, now: &PortValues, transactions: u32) -> bool {
     let most = transactions.saturating_add(2 * bounds::SSI_BUDGET);
     let last_command = |values: &PortValues| (values.last_command_timestamp, values.last_command);
@@ -334,7 +330,6 @@ fn step(models: &[Model], mosi: &[u8], at: u64, map_len: usize) -> Vec<Model> {
     next
 }
 
-/// Returns whether `read` is an intact uplink of the writer with this number.
 fn is_intact(writer: usize, read: &[u8]) -> bool {
     match writer {
         0 => Uplink::verify::<BaseStation>(read).is_ok(),
@@ -342,8 +337,8 @@ fn is_intact(writer: usize, read: &[u8]) -> bool {
     }
 }
 
-/// Returns whether Port-Status may state this status bit and age (ms) of an uplink, whose bytes are compared if they
-/// were `read`.
+/// Returns whether Port-Status may state this status bit and age (ms) of an uplink. If the uplink was `read`, its bytes
+/// are compared too.
 fn shows(place: &Place, (fresh, age_ms): (bool, u16), read: Option<&[u8]>, published: u64) -> bool {
     let (stored, at) = match place {
         Place::Unknown => return true,

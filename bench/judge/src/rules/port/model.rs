@@ -104,7 +104,8 @@ impl Model {
         }
     }
 
-    /// Returns the state of a DPR of which only Port-Status is known, from an image made at `at`, ns.
+    /// Returns the state of a DPR of which the judge knows only Port-Status. This Port-Status is from an image made at
+    /// `at`, ns.
     pub(super) fn of(values: &PortValues, at: u64) -> Self {
         Self {
             uplinks_accepted: values.uplinks_accepted,
@@ -184,8 +185,8 @@ impl Model {
         })
     }
 
-    /// Returns the states of `then` if the timestamp is newer, and those of a refusal if it is not. Returns both if the
-    /// last timestamp is not known.
+    /// Returns the states of `then` if the timestamp is newer than the last one, and the state after a refusal if it is
+    /// not. If the last timestamp is not known, all of these states are possible.
     fn in_time(mut self, series: usize, timestamp: u32, then: impl Fn(Self) -> Vec<Self>) -> Vec<Self> {
         let Some(mut known) = self.timestamps[series] else {
             let refused = self.clone().refused(Violation::UplinkNotNewer);

@@ -20,15 +20,14 @@ fn command(timestamp: u32, command: Command) -> Vec<u8> {
     CommandObject::seal(Writer::<FlightController>::claim(), timestamp, command).as_bytes().to_vec()
 }
 
-/// The Port-Status and uplinks that an image shows.
 #[derive(Clone, Default)]
 struct Shown {
     values: PortValues,
     stored: Option<(Vec<u8>, u64)>,
 }
 
-/// Returns a log in which the flight controller sends each object of `written` at its instant. An image is published
-/// every 10 ms, and shows the uplinks and Port-Status that `shown` returns for that instant.
+/// Returns a log in which the flight controller writes each object at its instant. `shown` returns the uplinks and
+/// Port-Status of the images, which are published every 10 ms.
 fn log(written: &[(u64, Vec<u8>)], shown: impl Fn(u64) -> Shown) -> crate::Log {
     let header: Header = header(3);
     let layout = Layout::for_receivers(3).unwrap();
@@ -68,15 +67,12 @@ fn broken(log: &crate::Log) -> Vec<(Violation, u64)> {
     found.into_iter().map(|(violation, count, _)| (violation, count)).collect()
 }
 
-/// Returns the instant, ns, at which the transaction ends that writes an object at `at`.
 fn ends(at: u64) -> u64 {
     (at - MS) / READS * READS + MS + MS / 2
 }
 
 const AT: u64 = 101 * MS;
 
-/// Returns the violations if one uplink is written at [`AT`]. From image number `shown_after` after its transaction on,
-/// the image shows the uplink, changed by `change`.
 fn one(shown_after: u64, change: impl Fn(&mut Shown)) -> Vec<(Violation, u64)> {
     let written = [(AT, uplink(1_000, 7))];
     broken(&log(&written, |published| {
@@ -195,8 +191,6 @@ fn every_kind_of_violation_and_every_command_is_followed() {
 #[test]
 fn link_status_counts_the_access_violations_of_all_kinds_and_clears_none() {
     const CLEARED: u64 = 201 * MS;
-    // Returns the violations if Link-Status counts `before` access violations before the command that clears the
-    // counters of Port-Status, and `after` access violations after it.
     let told = |before: u16, after: u16| {
         let clears = command(2_000, Command::ClearCounters);
         let mut log = log(&[(AT, uplink(1_000, 7)[..9].to_vec()), (CLEARED, clears)], |published| {
@@ -249,8 +243,8 @@ fn after_misconduct_port_status_is_believed_once_and_held_against_what_follows()
 
 #[test]
 fn port_status_is_believed_from_the_second_image_after_misconduct_on() {
-    // The flight controller's misuse is excused until 220 ms. The last excused transaction ends at 217.5 ms, and images
-    // show its effect from 230 ms on.
+    // The flight controller's misuse is excused until 220 ms, and images show the effects of excused transactions until
+    // 230 ms.
     let counted_from = |from: u64| {
         let mut log = log(&[], |published| {
             let mut shown = Shown::default();
@@ -294,8 +288,8 @@ fn after_misconduct_counters_are_bounded_by_the_transactions() {
         insert(&mut log, 120 * MS, injected(MISUSE, 200 * MS));
         broken(&log)
     };
-    // The greatest number of transactions that can have counted: 29 from 121 ms to 233 ms, when Port-Status is first
-    // accepted, and those of two images.
+    // At most 29 transactions fit between the end of the excuse and the first accepted Port-Status. The transactions
+    // before, as many as the budget of two images allows, may be counted late.
     const MOST: u16 = 29 + 2 * bounds::SSI_BUDGET as u16;
     let wrong = [(Violation::PortStatusWrong, 1)];
     assert_eq!(after(&|values| values.violations.count(TooMany, 2 * MOST)), []);
@@ -305,7 +299,7 @@ fn after_misconduct_counters_are_bounded_by_the_transactions() {
     assert_eq!(after(&|values| values.uplinks_accepted = u32::from(MOST)), []);
     assert_eq!(after(&|values| values.uplinks_accepted = u32::from(MOST) + 1), wrong);
     assert_eq!(after(&|values| values.commands_carried_out = u32::from(MOST) + 1), wrong);
-    // Port-Status names a last command but counts no command.
+    // In this log Port-Status names a last command but counts no command.
     assert_eq!(after(&|values| values.last_command_timestamp = 7), wrong);
 }
 
@@ -328,7 +322,6 @@ fn insert(log: &mut crate::Log, at: u64, what: What) {
     log.events.insert(place, Event { at, what });
 }
 
-/// Returns the bytes that the transaction read whose chip select fell at `at`.
 fn miso(log: &mut crate::Log, at: u64) -> &mut Vec<u8> {
     let mut read = log.events.iter_mut().filter_map(|event| match &mut event.what {
         What::Transaction { selected, miso, .. } if *selected == at => Some(&mut miso.0),
@@ -337,7 +330,6 @@ fn miso(log: &mut crate::Log, at: u64) -> &mut Vec<u8> {
     read.next().expect("a transaction")
 }
 
-/// Returns a log in which one uplink is written at [`AT`], and which images show from `from` on.
 fn uplink_shown_from(from: u64) -> crate::Log {
     log(&[(AT, uplink(1_000, 7))], |published| {
         let mut shown = Shown::default();
@@ -470,7 +462,6 @@ fn a_self_test_may_fail_after_memory_was_damaged_and_not_otherwise() {
 fn a_map_without_a_timely_rise_of_fresh_is_not_judged() {
     for (clock, publication) in [("fast", bounds::PUBLICATION), ("pessimistic", bounds::PUBLICATION_PESSIMISTIC)] {
         for (late, expected) in [(0, vec![(Violation::PortStatusWrong, 1)]), (1, vec![])] {
-            // FRESH rises at 200 ms for the last time. The only transaction after that reads impossible values.
             let mut log = log(&[], |published| {
                 let mut shown = Shown::default();
                 shown.values.uplinks_accepted = u32::from(published >= 200 * MS);
@@ -495,7 +486,6 @@ fn a_map_without_a_timely_rise_of_fresh_is_not_judged() {
     }
 }
 
-/// Returns the log of [`uplink_shown_from`], in which FRESH rises once more at the end of the uplink's transaction.
 fn ends_as_fresh_rises(from: u64) -> crate::Log {
     let mut log = uplink_shown_from(from);
     for event in log.events.iter_mut().filter(|event| event.at == 100 * MS) {
@@ -510,7 +500,7 @@ fn a_write_as_fresh_rises_shows_two_images_later() {
     assert_eq!(broken(&ends_as_fresh_rises(110 * MS)), []);
     assert_eq!(broken(&ends_as_fresh_rises(120 * MS)), []);
     assert_eq!(broken(&ends_as_fresh_rises(130 * MS))[0].0, Violation::PortStatusWrong);
-    // The judge accepts Port-Status as the reference only from the second image after a write.
+    // After a write, the judge accepts Port-Status as its reference only from the second image on.
     let over = ends(AT) - MS / 4;
     let mut log = ends_as_fresh_rises(120 * MS);
     insert(&mut log, 20 * MS, injected(MISUSE, over - bounds::MISUSE_OVER));
@@ -520,8 +510,6 @@ fn a_write_as_fresh_rises_shows_two_images_later() {
 #[test]
 fn what_port_status_has_decided_stays_so() {
     let written = [(AT, command(50, Command::SelfTest)), (AT + 40 * MS, command(60, Command::SelfTest))];
-    // A second command for a self-test arrives when the first self-test may be over. The images published within `over`
-    // say that it is over.
     let decided = |over: Range<u64>| {
         broken(&log(&written, |published| {
             let mut shown = Shown::default();
@@ -552,8 +540,6 @@ fn the_limits_of_an_uplinks_age() {
     let bytes = uplink(1, 1);
     let zeros = vec![0; Uplink::SIZE];
     let expiry = u64::from(Uplink::EXPIRY_MS);
-    // The uplink's transaction ended `ago` ms before the publication, and the image states the uplink's age as `age`
-    // ms.
     let may = |ago: u64, age: u64| {
         let fresh = age < expiry;
         let read = if fresh { &bytes } else { &zeros };
@@ -568,9 +554,9 @@ fn the_limits_of_an_uplinks_age() {
         );
         shows(&place, (fresh, age), Some(read), PUBLISHED)
     };
-    // The stated age may be 42 ms less than the true age: Port-Status is made up to four cycles before its publication,
-    // and the DPR judges an uplink up to 2 ms after its transaction. It may be 1 ms more, because the clock counts
-    // whole milliseconds.
+    // The stated age may be 42 ms too small: Port-Status is made up to 40 ms before its publication, and the DPR judges
+    // an uplink up to 2 ms after its transaction. It may be 1 ms too great, because the clock counts whole
+    // milliseconds.
     for ago in [100, 300, 499, 540, 541, 542, 700, 60_000] {
         for (age, allowed) in [(ago - 43, false), (ago - 42, true), (ago, true), (ago + 1, true), (ago + 2, false)] {
             assert_eq!(may(ago, age), allowed, "{age} ms for {ago} ms");
@@ -593,7 +579,6 @@ fn the_limits_of_an_uplinks_age() {
     assert!(shows(&Place::Unknown, (true, 7), Some(&bytes), PUBLISHED));
 }
 
-/// Returns whether Port-Status may have these values after the DPR has received the objects `sent` since its start.
 fn may(sent: &[Vec<u8>], change: impl FnOnce(&mut PortValues)) -> bool {
     let map_len = Layout::for_receivers(3).unwrap().map_len();
     let models = sent.iter().fold(vec![Model::at_start()], |models, mosi| step(&models, mosi, 0, map_len));
@@ -602,7 +587,6 @@ fn may(sent: &[Vec<u8>], change: impl FnOnce(&mut PortValues)) -> bool {
     models.iter().any(|model| model.fits(&values, 0))
 }
 
-/// Returns the MOSI bytes of a transaction that writes this object and requests nothing.
 fn writing(object: &[u8]) -> Vec<u8> {
     [&[0; 8], object].concat()
 }

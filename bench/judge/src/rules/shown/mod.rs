@@ -17,12 +17,11 @@
 //!
 //! Stale data that stay in the image expire later. Data that are both stale and expired are reported only as expired.
 //!
-//! `NotShown` means that no transaction shows a cycle that must be shown, and `Vacant` that an object is missing while
-//! others of its cycle are shown. They concern only transactions that began after the cycle's image had to be readable
-//! and before the next image could be.
+//! `NotShown` means that no transaction shows a cycle that must be shown. `Vacant` means that an object is missing
+//! although other objects of its cycle are shown.
 //!
-//! Neither `NotShown` nor `Vacant` is reported for an object whose bytes are reported as a violation of the table or,
-//! by rule `ssi`, as damage. Rule `ssi` also judges whether a transaction may read 0xFF throughout.
+//! If an object's bytes are reported as a violation of the table or, by rule `ssi`, as damage, neither `NotShown` nor
+//! `Vacant` is reported for the object. Rule `ssi` also judges whether a transaction may read 0xFF throughout.
 //!
 //! # A DPR that hangs
 //!
@@ -36,7 +35,8 @@
 //!   deadline, or after 25 ms.
 //! - A transaction longer than a second is not judged, because the frames that it may have read are no longer kept.
 //! - While [`Excuse::Hearing`] holds, a cycle that reached the antenna may be shown but need not be. When an
-//!   [`Excuse::Withdrawal`] begins, a cycle that no transaction has had to show yet need not be shown.
+//!   [`Excuse::Withdrawal`] begins, a cycle need not be shown any more, unless a transaction has already failed to show
+//!   it.
 
 mod recovery;
 #[cfg(test)]
@@ -69,9 +69,9 @@ struct Due {
     from: u64,
     /// The instant, ns, until which each transaction has to show the cycle.
     until: u64,
-    /// The instant, ns, at which the first transaction began that had to show the cycle but did not.
+    /// The beginning, ns, of the first transaction that had to show the cycle but did not.
     asked: Option<u64>,
-    /// Whether a transaction showed the cycle, or had another violation in place of it.
+    /// Whether a transaction showed the cycle, or another violation was reported in its place.
     answered: bool,
 }
 
@@ -151,7 +151,7 @@ impl Rule for Shown {
                 self.deliveries.clear();
                 self.known.fill(None);
             }
-            // A frame that did not have to be readable before the hang may stay unreadable.
+            // A cycle whose frame did not have to be readable before the hang need not become readable.
             What::Hung { board: Board::Dpr } => {
                 self.due.retain(|due| due.from <= event.at);
                 let publication = bounds::LAST_BIT_TO_READABLE.max(self.publication);
@@ -162,11 +162,11 @@ impl Rule for Shown {
                     }
                 }
             }
-            // The DPR withdraws the image with the disturbed bit, perhaps before a transaction has read it.
+            // The DPR may withdraw the image with the disturbed bit before a transaction reads it.
             What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Withdrawal) => {
                 self.due.retain(|due| due.asked.is_some());
             }
-            // The disturbance of the front end loses each frame that the DPR had not read completely.
+            // A failing front end loses each frame that the DPR has not read completely.
             What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Hearing) => {
                 self.due.retain(|due| due.frame.ended + bounds::STORE_AND_FORWARD <= event.at);
             }
@@ -226,7 +226,7 @@ impl Shown {
 
     /// Judges each cycle that no transaction after `now` has to show. With `all`, every cycle is judged.
     fn close(&mut self, now: u64, all: bool, findings: &mut Findings) {
-        // A transaction under way, which has no bytes in the log yet, may still show the cycle.
+        // A transaction that has not ended may still show the cycle.
         let open = |due: &Due, selected: Option<u64>| selected.is_some_and(|selected| selected < due.until);
         while let Some(due) = self.due.front() {
             let over = now > due.until && !open(due, self.selected);
@@ -282,8 +282,8 @@ impl Shown {
         self.ask(reading, answered, findings);
     }
 
-    /// Reports stale data once they are no longer shown and have not expired. `now` has the stale data that are still
-    /// shown.
+    /// Reports stale data that are no longer shown, unless they expired before. `now` has the stale data that are shown
+    /// at present.
     fn note_stale(&mut self, at: u64, now: Option<(u64, String)>, findings: &mut Findings) {
         let serial = now.as_ref().map(|(serial, _)| *serial);
         if let Some(gone) = self.stale.take_if(|stale| serial != Some(stale.serial)) {

@@ -17,7 +17,7 @@
 
 use crate::{Event, Findings, Violation, What, bounds};
 
-/// The length, ns, of the end of a run in which disturbances are not measured: longer than any recovery takes.
+/// Disturbances that end in this last part of a run, ns, are not measured, because a recovery may take as long.
 const TAIL: u64 = 400_000_000;
 
 /// Several disturbances that count as one, because the link did not recover between them.
@@ -29,12 +29,12 @@ struct Causes {
     due: u64,
     /// Whether a front end must be brought up again after one of the disturbances.
     bring_up: bool,
-    /// The number of explaining violations when the first disturbance began.
+    /// The number of violations that can explain a late recovery, counted at the beginning of the first disturbance.
     told: u64,
 }
 
-/// The longest recoveries, in cycles of 10 ms, rounded up: from a disturbance's end until an object that HORUS sent
-/// after it was read.
+/// The longest recoveries, in cycles of 10 ms, rounded up. A recovery lasts from a disturbance's end until an object
+/// that HORUS sent after that end was read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Longest {
     pub(super) all: Option<u64>,
@@ -46,13 +46,13 @@ pub(super) struct Longest {
 pub(super) struct Recovery {
     /// The disturbances from which the link has not recovered.
     causes: Option<Causes>,
-    /// Whether the late end of the present recovery has been reported.
+    /// Whether the present recovery was already reported as late.
     late: bool,
     /// Whether HORUS has no supply, and whether the DPR has none.
     off: [bool; 2],
     hung: [bool; 2],
-    /// The disturbances of the last [`TAIL`] from which the link has recovered. The instant, ns, is the start of the
-    /// transaction that first read a new object.
+    /// The disturbances of the last [`TAIL`] from which the link has recovered, each with the start (ns) of the first
+    /// transaction that read a new object.
     recent: Vec<(Causes, u64)>,
     /// The last frame that HORUS sent: the instant, ns, of its first bit, and its bytes.
     sent: Option<(u64, Vec<u8>)>,
@@ -106,7 +106,6 @@ impl Recovery {
         causes.bring_up |= bring_up;
     }
 
-    /// Returns whether a disturbance has not ended yet.
     fn is_open(&self) -> bool {
         self.off.contains(&true) || self.hung.contains(&true)
     }
@@ -121,7 +120,7 @@ impl Recovery {
         }
     }
 
-    /// Measures the recovery from each disturbance that ended long enough before `now`.
+    /// Measures the recovery from each disturbance that ended at least [`TAIL`] before `now`.
     fn settle(&mut self, now: u64, findings: &mut Findings) {
         let is_over = |causes: &Causes| now >= causes.since.saturating_add(TAIL);
         if let Some(causes) = self.causes
@@ -231,7 +230,6 @@ mod tests {
         Event { at, what: testing::injected(kind, until) }
     }
 
-    /// Returns the violations if `events` happen, and then a frame is sent and read just before `read`.
     fn judged(events: &[Event], read: u64, others: u64) -> (Vec<Violation>, Longest) {
         let (mut recovery, mut findings) = (Recovery::default(), Findings::default());
         events.iter().for_each(|event| recovery.take(event, &mut findings));
@@ -261,7 +259,6 @@ mod tests {
             let without_bring_up = (cycles == 5).then_some(5);
             assert_eq!((found, longest), (vec![], Longest { all: Some(cycles), without_bring_up }), "{kind:?}");
             assert_eq!(judged(&cause, due + 1, 0).0, [Violation::RecoversLate], "{kind:?}");
-            // The missing cycle is reported and explains the late recovery, which is not reported.
             assert_eq!(judged(&cause, due + 1, 1).0, [Violation::NotShown], "{kind:?}");
         }
     }
@@ -290,7 +287,6 @@ mod tests {
     fn of_causes_that_overlap_each_has_its_own_bound() {
         let front_end = injected(50 * MS, DPR_FRONT_END, 100 * MS);
         let air = |until| injected(60 * MS, Disturbance::Air, until);
-        // The front end's fault allows a recovery until 250 ms. The fault of the air allows it until 170 ms or 260 ms.
         let judged = |until, read| judged(&[front_end.clone(), air(until)], read, 0).0;
         assert_eq!(judged(120 * MS, 250 * MS), []);
         assert_eq!(judged(120 * MS, 250 * MS + 1), [Violation::RecoversLate]);
@@ -354,8 +350,6 @@ mod tests {
                 assert_eq!((found, longest), (vec![], Longest { all, without_bring_up: None }));
                 assert_eq!(judged(&cause, due + 1, 0).0, [Violation::RecoversLate]);
             }
-            // A hang lasts until the board restarts. Before that, the link cannot be late in its recovery from the
-            // hang.
             let (mut recovery, mut findings) = (Recovery::default(), Findings::default());
             recovery.take(&hung(50 * MS, board), &mut findings);
             recovery.shown(60 * MS, 65 * MS);

@@ -139,7 +139,6 @@ impl Run {
         }
     }
 
-    /// Adds the events of HORUS and of the air. Returns the frames that reach the antenna, with their ends.
     fn frames(&self, events: &mut Vec<Event>) -> Vec<(u64, Vec<u8>, bool)> {
         let mut heard = vec![];
         for cycle in 1..=self.cycles {
@@ -232,12 +231,10 @@ impl Run {
         judge(&self.log(edit))
     }
 
-    /// Returns the violations of the rules `shown` and `link_status`. `edit` changes the images that the DPR published.
     pub(crate) fn broken(&self, edit: impl Fn(&mut Vec<Image>)) -> Vec<Violation> {
         kinds(&self.verdict(edit))
     }
 
-    /// Asserts that there is no violation, and returns the verdict.
     pub(crate) fn assert_flawless(&self) -> Verdict {
         let verdict = self.verdict(|_| {});
         let words: Vec<String> =
@@ -281,7 +278,7 @@ struct Dpr {
     since: u64,
     reason: ResetReason,
     sequence: Sequence,
-    /// The state of the sequence after the last frame with a published image.
+    /// The sequence that the last published image stated.
     told: Sequence,
     /// The frames of the current cycle that have arrived, as bits.
     seen: u8,
@@ -330,7 +327,7 @@ impl Dpr {
         (at - self.since) / US
     }
 
-    /// Runs the DPR until `end`. The frames in `heard` reach its antenna; in its first 30 ms the DPR receives none.
+    /// Runs the DPR until `end` with these frames at its antenna. The DPR receives none in the 30 ms of its start.
     fn run(mut self, heard: &[(u64, Vec<u8>, bool)], end: u64, images: &mut Vec<Image>) {
         let listens = self.since + 30 * MS..end;
         for (at, payload, _) in heard.iter().filter(|(at, ..)| listens.contains(at)) {

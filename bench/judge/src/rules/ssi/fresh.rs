@@ -5,8 +5,8 @@
 //! After a rise of FRESH, a transaction reads the new image, or 0xFF throughout while the DPR is putting the image in.
 //! It never reads an older image (docs/design.md#publication, `dpr_fw::publish`). There are two cases:
 //!
-//! - Without a transaction under way, FRESH rises before the processor gives the SSI's buffers back, so that no image
-//!   is readable before FRESH has announced it.
+//! - Without a transaction under way, FRESH rises before the processor gives the SSI's buffers back. So no image is
+//!   readable before FRESH has announced it.
 //! - With a transaction under way, FRESH rises at once, although this transaction still reads the previous image.
 //!
 //! At a rise of FRESH the log may not yet have the bytes of the announced image. The judge takes them from what could
@@ -28,7 +28,7 @@ use crate::{Findings, Violation};
 /// The number of rises of FRESH that are kept: more than usually come within one transaction.
 const REMEMBERED: usize = 64;
 
-/// The features of an image by which the judge tells it from others.
+/// The features by which the judge tells an image from other images.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Mark {
     link: Option<LinkValues>,
@@ -43,9 +43,9 @@ impl Mark {
         (mark != Self { link: None, stamp: None }).then_some(mark)
     }
 
-    /// Returns whether this image was made after the image `before`. If times and counters are equal, the image with
-    /// the greater age is newer. Images with different status may have been made in either order, because an image
-    /// without objects may follow one with objects within a millisecond.
+    /// Returns whether this image was made after the image `before`, which follows from the times, the counters and the
+    /// ages of the samples. The order of two images with different status is uncertain, because they may follow each
+    /// other within a millisecond.
     fn is_newer_than(&self, before: &Self) -> bool {
         let Some((now, then)) = self.link.zip(before.link) else { return self.stamp != before.stamp };
         let counters = |link: LinkValues| {
@@ -62,8 +62,7 @@ impl Mark {
             || counters(now).into_iter().zip(counters(then)).any(|(now, then)| is_later(now, then))
     }
 
-    /// Returns whether both sets of features may be those of one image; `None` if not known. Timestamps recur after a
-    /// restart of HORUS.
+    /// Returns whether both sets of features may be those of one image; `None` if not known.
     fn is_of(&self, other: &Self) -> Option<bool> {
         let stamps = self.stamp.zip(other.stamp).map(|(a, b)| a == b);
         let times = self.link.zip(other.link).map(|(a, b)| a.timestamp == b.timestamp);
@@ -108,7 +107,7 @@ pub(super) struct Claims {
 }
 
 impl Claims {
-    /// Records a rise of FRESH. `excused` says that there is a reason why no transaction could begin.
+    /// Records a rise of FRESH. `excused` states whether the DPR had a reason to refuse transactions.
     pub(super) fn rise(
         &mut self,
         rose: u64,
@@ -156,7 +155,7 @@ impl Claims {
         }
         claim.mark = Mark::of(offered);
         let Some(mark) = claim.mark else { return };
-        // An image may have been read before FRESH rose for it, too late.
+        // A transaction may have read the image before a late rise of FRESH announced it.
         let previous = before.last().filter(|before| !before.unannounced).and_then(|before| before.mark);
         let replaces = |previous| disturbances.excuse(Excuse::UnsoundImage, claim.rose) && mark == previous;
         if previous.is_some_and(|previous| !mark.is_newer_than(&previous) && !replaces(previous)) {
@@ -194,8 +193,7 @@ impl Claims {
         let regressed = self.newest.zip(mark.stamp).is_some_and(|(newest, stamp)| is_later(newest, stamp));
         let announced = self.claims.partition_point(|claim| claim.rose <= selected);
         if announced == 0 && self.claims.len() == REMEMBERED {
-            // The flight controller held chip select for so long that the record has lost the rises of FRESH before its
-            // fall.
+            // The transaction was so long that the record no longer has the rises of FRESH before it.
             return;
         }
         let older = |claim: &Claim| claim.mark.is_some_and(|older| older.is_the_same_as(&mark));
@@ -226,7 +224,7 @@ impl Claims {
                 }
             }
             Some(_) => {
-                // An image that FRESH did not announce counts as announced from now on, so that it is reported once.
+                // The unannounced image counts as announced from now on, so that it is reported only once.
                 (claim.mark, claim.unannounced) = (Some(mark), true);
                 if regressed {
                     return;

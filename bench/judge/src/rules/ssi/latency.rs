@@ -22,16 +22,15 @@ struct Cycle {
     tick: Option<u64>,
     started: [Option<u64>; 2],
     /// The instant, ns, at which the last bit of the cycle's last frame reached the DPR's antenna; `None` for a delayed
-    /// frame. If a frame came again and may have been missed before, its last arrival counts.
+    /// frame.
     last_bit: Option<u64>,
     /// Whether the DPR may have missed the cycle's last frame.
     may_be_missed: bool,
-    /// The time, ns, in which the cycle must be readable after its last bit, if it is longer than usual; `None`
-    /// otherwise.
+    /// The longest time, ns, from the cycle's last bit until the cycle must be readable; `None` if the usual limit
+    /// applies.
     ///
-    /// The time is longer than usual if LEN may be damaged, because the DPR can then neither read the objects early nor
-    /// recognise the second frame. It is also longer if the DPR may have missed the second frame and waits until that
-    /// frame is overdue.
+    /// The DPR needs longer if a damaged LEN keeps it from reading the frame early. It also needs longer if it missed
+    /// the second frame and waits for it.
     longer: Option<u64>,
     readable: bool,
     late: bool,
@@ -83,8 +82,7 @@ impl Cycles {
         }
     }
 
-    /// Records that the DPR's front end fails at `at`, ns, and loses each frame that the DPR has not read. If the
-    /// second frame is lost, the first is shown only when the second is overdue.
+    /// Records that the DPR's front end fails at `at`, ns, and so loses each frame that the DPR has not read.
     pub(super) fn front_end_fails(&mut self, at: u64) {
         let handed_over = |last_bit: &u64| last_bit + bounds::STORE_AND_FORWARD <= at;
         for cycle in &mut self.cycles {
@@ -92,8 +90,8 @@ impl Cycles {
         }
     }
 
-    /// Records a whole frame whose last bit reached the antenna at `ended`. `len` is the frame's LEN, if the DPR can
-    /// read it. `may_be_missed` says that the DPR may miss the frame.
+    /// Records a whole frame whose last bit reached the antenna at `ended`. `len` is the frame's LEN, or `None` if the
+    /// DPR may be unable to read it. `may_be_missed` states whether the DPR may miss the frame.
     pub(super) fn heard(
         &mut self,
         layout: Layout,
@@ -147,7 +145,7 @@ impl Cycles {
         }
     }
 
-    /// Records that a cycle was read before FRESH announced it. Returns whether the late rise of FRESH was already
+    /// Records that a cycle was read before FRESH announced it. Returns whether the late announcement was already
     /// reported.
     pub(super) fn unannounced(&mut self, stamp: u32) -> bool {
         let Some(cycle) = self.cycle(stamp) else { return false };

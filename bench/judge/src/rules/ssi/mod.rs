@@ -13,8 +13,8 @@
 //!   is not judged.
 //! - A DPR that the bench has stopped, or one with a dead task, need not serve anything until its next start. Service
 //!   that was overdue before is reported, and the bytes that are read still have to be right.
-//! - If the processor keeps the SSI's buffers too long, this is [`Violation::NotReady`] after a transaction, and
-//!   [`Violation::HeldBack`] otherwise, and the transactions that find the DPR busy meanwhile are not reported. If
+//! - If the processor keeps the SSI's buffers too long after a transaction, this is [`Violation::NotReady`]; at any
+//!   other time it is [`Violation::HeldBack`]. Transactions that find the DPR busy meanwhile are not reported. If
 //!   nothing is readable for longer than [`bounds::EXPIRY`], only [`Violation::Silent`] is reported.
 //! - A single transaction may read 0xFF throughout if the DPR is busy. The DPR is busy while it puts an image in, which
 //!   FRESH announces within [`bounds::SSI_READY`]; just after another transaction; when the image's time is over; or
@@ -23,15 +23,15 @@
 //! - An unsound image is [`Violation::FreshUnreadable`] if FRESH announced it. Otherwise the transaction that read the
 //!   image is judged as torn, misplaced or damaged, in this order.
 //! - While [`Excuse::Service`] holds, the DPR need not serve the flight controller, and damaged bytes are not judged.
-//!   The objects that are read as valid still have to be right ([`super::shown`]), and no image may be late because of
-//!   the flight controller.
+//!   The objects that are read as valid still have to be right ([`super::shown`]). The flight controller's misuse does
+//!   not excuse a late image.
 //! - After a transaction, the DPR pauses for [`SSI_PAUSE`](crate::bounds::SSI_PAUSE) once it is ready again. If the
 //!   next transaction ends within this pause, the time until the DPR must be ready counts from the end of the pause.
 //! - Bytes that are unsound while [`Excuse::UnsoundImage`] holds only have to be rejected, which [`super::shown`]
 //!   judges. The DPR may replace such an image by one with the same content.
 //! - A transaction that reads an older image than the announced one is [`Violation::FreshNotNew`]. If its objects are
 //!   older than objects read before, another rule reports [`Violation::Regression`] instead.
-//! - A frame that began while [`Excuse::Latency`] holds may become readable at any time, and one that began while
+//! - A frame that began while [`Excuse::Latency`] holds may become readable at any time. A frame that began while
 //!   [`Excuse::Length`] holds has as much time as a frame with a damaged LEN. The time of a repeated frame counts from
 //!   its last arrival, if it began while [`Excuse::Hearing`] holds.
 //! - A cycle that is readable too late after its last bit is not reported again as too late after its tick. A cycle

@@ -21,7 +21,7 @@ impl Read {
     pub(super) fn of(reading: &Reading, busy: bool) -> Self {
         match reading.silent {
             false => Self::Image,
-            // A short part of an image may be 0xFF throughout. A whole Link-Status cannot, because its CRC would be
+            // A short part of an image may consist of 0xFF bytes. A whole Link-Status cannot, because its CRC would be
             // wrong.
             true if busy || reading.miso.len() >= LinkStatus::SIZE => Self::Nothing,
             true => Self::Unknown,
@@ -51,7 +51,7 @@ struct Hold {
 struct Pending {
     /// The instant, ns, from which [`bounds::SSI_READY`] counts: the end of the transaction, or of a pause.
     since: u64,
-    /// Whether the DPR must become ready. It need not if there is no image to be read.
+    /// Whether there is an image to be read, so that the DPR must become ready.
     owed: bool,
 }
 
@@ -60,14 +60,13 @@ struct Pending {
 struct Streak {
     /// The instant, ns, at which the first transaction began.
     first: u64,
-    /// The instant, ns, at which the last transaction began.
     last: u64,
     count: u64,
     /// Whether the processor kept the buffers for too long, which is reported by itself.
     explained: bool,
     /// Whether [`Violation::Silent`] has been reported for the series.
     told: bool,
-    /// Whether there was no reason for the first transaction to read only 0xFF.
+    /// Whether the DPR should have served the first transaction.
     unserved: bool,
 }
 
@@ -90,20 +89,19 @@ pub(super) struct Service {
     quiet_told: bool,
     under_way: bool,
     began: u64,
-    /// The instant, ns, at which the last transaction ended that was longer than a cycle.
+    /// The end, ns, of the last transaction that was longer than a cycle.
     long_ended: u64,
     busy: bool,
-    /// Whether the DPR may leave the present transaction unserved, because it follows another or the image's time is
-    /// over.
+    /// Whether the DPR may leave the present transaction unserved.
     may_be_busy: bool,
-    /// The instant, ns, at which FRESH rose first during the transaction that is under way.
+    /// The instant, ns, of the first rise of FRESH during the transaction that is under way.
     rose_within: Option<u64>,
     hold: Option<Hold>,
     /// The instant, ns, until which the DPR pauses and need not detect that a transaction has ended.
     paused_until: u64,
     pending: Option<Pending>,
-    /// The instant, ns, at which FRESH rose for an image that must become readable, if no other limit of time applies
-    /// to that image.
+    /// The instant, ns, of a rise of FRESH whose image must become readable. `None` if another limit of time applies to
+    /// that image.
     claimed: Option<u64>,
     ready_at: Option<u64>,
     rose_at: Option<u64>,
@@ -144,8 +142,7 @@ impl Service {
     /// Resets the state at a start of the DPR. Overdue service is not reported here, because the restart is.
     fn restart(&mut self, since: u64) {
         let Self { powered, quiet_since, quiet_told, longest, under_way, .. } = *self;
-        // A transaction that is under way when the DPR starts is not served, and begins to count when the time for a
-        // start is over.
+        // The DPR need not serve a transaction that is under way when the DPR starts.
         let busy = under_way;
         *self = Self { powered, since, quiet_since, quiet_told, longest, under_way, busy, ..Self::new() };
     }
@@ -170,8 +167,7 @@ impl Service {
     /// Records that the flight controller misuses the SSI, so that the DPR need not serve it.
     pub(super) fn misused(&mut self) {
         (self.claimed, self.streak) = (None, None);
-        // The processor may have taken the buffers because of the misused transaction, so it need not give them back
-        // soon.
+        // The misused transaction may keep the processor from giving the buffers back soon.
         self.pending.iter_mut().for_each(|pending| pending.owed = false);
     }
 
@@ -197,8 +193,8 @@ impl Service {
         }
     }
 
-    /// Records a rise of FRESH. `offers` says that a transaction could begin. Returns whether there is a reason why
-    /// none could.
+    /// Records a rise of FRESH. `offers` states whether a transaction could begin. Returns whether the DPR has a reason
+    /// to refuse transactions.
     pub(super) fn rise(&mut self, at: u64, offers: bool) -> bool {
         (self.rose_at, self.served) = (Some(at), 0);
         if self.under_way {
@@ -245,7 +241,7 @@ impl Service {
 
     pub(super) fn selected(&mut self, at: u64) {
         (self.under_way, self.began) = (true, at);
-        // A transaction has just ended, or FRESH has just risen, so the DPR may be busy.
+        // The DPR may be busy just after the end of a transaction or a rise of FRESH.
         let just = self.quiet_since.max(self.paused_until).max(self.rose_at.unwrap_or(0));
         self.may_be_busy = at <= just + bounds::SSI_READY || self.is_expired(at);
         self.rose_within = None;
@@ -299,8 +295,8 @@ impl Service {
         }
     }
 
-    /// Reports what the DPR should have done before `now`, at which it is ready for the next transaction or the run
-    /// ends.
+    /// Reports each action of the DPR that is overdue at `now`. At this instant the DPR is ready for the next
+    /// transaction, or the run ends.
     fn settle(&mut self, now: u64, findings: &mut Findings) {
         if let Some(Pending { since, owed: true }) = self.pending.take() {
             self.waited(Violation::NotReady, since, now, findings);

@@ -35,7 +35,6 @@ impl Unpacked {
         matches!(self.class, Class::QuietNan | Class::SignallingNan)
     }
 
-    /// Shifts the mantissa until it has exactly 24 bits.
     fn normalized(self) -> Self {
         let shift = self.mantissa.leading_zeros() - 8;
         Self { exponent: self.exponent - shift as i32, mantissa: self.mantissa << shift, ..self }
@@ -372,7 +371,7 @@ pub(in crate::fp) fn to_integer(a: u32, target: Integer, toward_zero: bool, fpsc
             *fpscr |= IOC;
             return limit as u32;
         }
-        // A number this large is out of range, and a shift by its exponent would exceed 128 bits.
+        // A number with this exponent is out of range, and a shift by the exponent would exceed 128 bits.
         Class::Finite if exponent > 64 => {
             *fpscr |= IOC;
             return limit as u32;

@@ -1,8 +1,8 @@
 //! Tests of the results and flags of arithmetic on random operands.
 //!
-//! The host computes the expected values. Its `f32` operation rounds to nearest. Exact `f64` arithmetic tells on which
-//! side of the rounded result the exact one lies. The result and the flags in each rounding mode follow from these two.
-//! The host's arithmetic and the integer arithmetic in `arith` must both give them.
+//! The host computes the expected values. The host's `f32` operation rounds to nearest. Exact `f64` arithmetic tells on
+//! which side of the rounded result the exact one lies. The result and the flags in each rounding mode follow from
+//! these two. The host's arithmetic and the integer arithmetic in `arith` must both give them.
 
 use std::cmp::Ordering;
 
@@ -130,7 +130,7 @@ fn truth_of_sum(nearest: f32, a: f64, b: f64) -> Truth {
     let least = f64::from(f32::MIN_POSITIVE);
     let limit = 2.0_f64.powi(128);
     // The rounded sum may equal `limit` or `least`. The sign of the rounding error then tells whether the exact sum is
-    // above or below.
+    // above or below that value.
     let inwards = error != 0.0 && (error > 0.0) != (value > 0.0);
     Truth {
         nearest,
@@ -154,7 +154,6 @@ fn finite(bits: u32) -> bool {
     f32::from_bits(bits).is_finite()
 }
 
-/// Compares a binary operation on random finite operands with the host's result.
 fn check_binary(seed: u64, ways: [Binary; 2], truth: fn(f32, f32) -> Option<Truth>) {
     let mut random = Random(seed);
     for _ in 0..CASES {

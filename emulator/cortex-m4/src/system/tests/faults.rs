@@ -170,7 +170,7 @@ fn bus_faults_are_ignored_in_hard_fault_with_bfhfnmign() {
     assert!(core.locked_up);
 }
 
-/// The test probes an address as firmware does.
+/// Firmware uses an ignored bus fault to find out whether anything is at an address.
 #[test]
 fn an_ignored_bus_fault_is_told_by_cfsr_and_bfar() {
     let (mut core, mut board) = machine();

@@ -14,8 +14,8 @@ fn read_before() -> Line {
     line
 }
 
-/// Returns whether HORUS must or may use the bytes of a receiver on a bus that it reads within 1 ms from `at` on, when
-/// the last of them has waited for `waited` ns.
+/// Returns whether HORUS must or may use the bytes that it reads from a receiver on a bus within 1 ms from `at` on. The
+/// last of these bytes has waited for `waited` ns.
 fn read(line: &mut Line, at: u64, waited: u64) -> Option<bool> {
     line.read((at, at + MS), 100, at + MS - waited, true)
 }

@@ -5,8 +5,6 @@ use super::*;
 use crate::Board;
 use crate::testing::COMMAND;
 
-/// Returns the violations if the line of GPS1 is disturbed during burst `number`, and HORUS uses the burst or not
-/// (`taken`).
 fn disturbed(number: usize, taken: bool) -> Vec<(Violation, u64)> {
     let mut scene = Scene::new(1);
     scene.receivers[0][number].clean = false;
@@ -58,7 +56,6 @@ fn a_message_that_is_certain_ends_the_doubt() {
         })
     };
     assert_eq!(late(&certain), []);
-    // The burst of GPS1 that HORUS may have missed is the last one for a while.
     assert_eq!(late(&doubtful), []);
     let certain = scene.receivers[0][6].clone();
     let values = doubtful.clone();
@@ -68,15 +65,11 @@ fn a_message_that_is_certain_ends_the_doubt() {
     assert_eq!(said, CONTENT);
 }
 
-/// Returns the violations if a receiver sends a burst every 40 ms until burst 19, and HORUS may have missed burst
-/// `doubtful`. At `age` (ms) after the last burst HORUS shows the position as valid or not (`valid`).
 fn after_doubt(doubtful: usize, age: u64, valid: bool) -> Vec<(Violation, u64)> {
     let mut scene = Scene::with_period(1, 40);
     scene.receivers[0].truncate(20);
     for burst in &mut scene.receivers[0] {
         (burst.att, burst.ins) = (None, None);
-        // The line of GPS1 is disturbed during one burst only, so HORUS certainly receives the bursts before and after
-        // it.
         burst.clean = true;
     }
     let number = cycle_after(&scene.receivers[0][19], age * MS);
@@ -127,7 +120,6 @@ fn horus_may_drop_a_message_from_before_its_first_tick() {
     assert_eq!(nothing(&scene)[0].0, Violation::StatusWrong);
 }
 
-/// Returns the violations if GPS1 sends until 545 ms, HORUS restarts, and its ticks come from 600 ms on.
 fn restarted(power: bool, remembers: bool) -> Vec<(Violation, u64)> {
     let mut scene = Scene::new(1);
     scene.receivers[0].truncate(6);
@@ -174,7 +166,6 @@ fn the_frame_that_a_restart_overtakes_is_not_judged() {
         }
     });
     assert_eq!(kinds(&events), CONTENT);
-    // HORUS is reset after the transmit command of a frame and before the frame's first bit.
     for after in [COMMAND[0] + 1_000, MS] {
         let mut events = events.clone();
         events.reset(tick(STEADY) + after, Board::Horus, true).without(|event| event.at > tick(STEADY) + 8 * MS);
@@ -221,9 +212,6 @@ fn timestamps_that_stay_ahead_do_not_end_the_judging() {
     assert_eq!(said, CONTENT);
 }
 
-/// Returns the violations up to cycle `last`, if GPS1's last burst is burst 3 (349 ms) and one earlier tick was moved
-/// by `moved`, ns. From cycle 65 (660 ms) on, the object of GPS1 wrongly shows a valid position and says that messages
-/// arrive.
 fn still_valid(moved: i64, silent: bool, last: u64) -> Vec<(Violation, u64)> {
     let mut scene = Scene::new(1);
     scene.receivers[0].truncate(4);
@@ -251,7 +239,6 @@ fn ages_are_not_judged_for_two_seconds_after_irregular_ticks() {
     assert_eq!(still_valid(bound, false, 66), STATUS);
     assert_eq!(still_valid(bound + 1, false, 66), []);
     assert_eq!(still_valid(bound + 1, true, 66), []);
-    // Because one tick was moved, tick 62 is the last irregular one. Two seconds later ages are known again.
     let until = 61 + UNTIMED / bounds::CYCLE;
     assert_eq!(still_valid(bound + 1, false, until), []);
     assert_eq!(still_valid(bound + 1, false, until + 1), STATUS);
@@ -264,7 +251,6 @@ fn an_ages_bounds_allow_for_clock_error_and_message_delay() {
         (least, most)
     };
     let taken = bounds::MESSAGE_TAKEN;
-    // A solution's age is uncertain by 2.1 % (1/47) and 1 ms.
     assert_eq!(age(470 * MS, (0, 0)), (470 * MS - taken - (470 * MS - taken) / 47 - MS, 481 * MS));
     assert_eq!(age(taken + 48 * MS, (MS, MS)), (47 * MS - MS - MS, 59 * MS + 59 * MS / 47 + MS));
     assert_eq!(age(taken + 48 * MS, (MS, 48 * MS)), (0, 59 * MS + 59 * MS / 47 + MS));
@@ -318,7 +304,6 @@ fn a_message_with_a_doubtful_time_of_week_may_be_old() {
             let values = if valid { last.values(gps[0].timestamp) } else { GpsValues::absent(gps[0].timestamp) };
             let status = values.status.with_stale(true).with_heard(true);
             let age_ms = u32::from(last.values(gps[0].timestamp).status.solution_age_ms().unwrap());
-            // If HORUS has certainly received the burst before the last, the solution has the age of that burst.
             let age_ms = if scene.receivers[0][5].clean { age_ms + 100 } else { age_ms };
             gps[0] = GpsValues { status: status.with_solution_age_ms(Some(age_ms)), ..values };
             *reported = reported_as(&gps[0]);

@@ -64,12 +64,10 @@ impl Burst {
         pvt.chain(self.att.iter().flat_map(NavAtt::encode)).chain(self.ins.iter().flat_map(EsfIns::encode)).collect()
     }
 
-    /// Returns the instant, ns, at which the burst has arrived.
     fn arrived(&self) -> u64 {
         self.at + self.bytes().len() as u64 * BYTE_NS
     }
 
-    /// Returns the values of a GPS object of this timestamp that shows this burst.
     fn values(&self, timestamp: u32) -> GpsValues {
         let mut values = GpsValues::absent(timestamp);
         let age = tick(u64::from(timestamp / CYCLE_MS)).saturating_sub(self.arrived());
@@ -100,14 +98,14 @@ struct Scene {
     cycles: u64,
 }
 
-/// The difference between the burst numbers of two neighbouring receivers. It puts the second receiver 2.2 m north and
-/// 1.5 m west of the first and adds 0.2 m/s² along each axis.
+/// The receivers' bursts have numbers that differ by this much, so that their positions and accelerations differ by
+/// less than the voter's limits.
 const APART: u32 = 200;
 /// The first cycle that shows HORUS's inputs, which need three samples.
 const INPUTS_KNOWN: u64 = 4;
 /// The instant, ns, of the first burst; a burst follows every 100 ms.
 const FIRST_BURST: u64 = 45 * MS;
-/// The number of a tick at which HORUS knows each receiver's period and no message is arriving.
+/// The number of a tick in the middle of the run. By this tick HORUS knows each receiver's period.
 const STEADY: u64 = 51;
 
 impl Scene {
@@ -140,9 +138,7 @@ impl Scene {
         GpsValues { status: aged(status, &last.values(timestamp)), ..values }
     }
 
-    /// Returns the events of the run. `change` may change what HORUS sends in a cycle, which it gets by number (from
-    /// 1). Unless `change` sets them, Reported-Position is the vote over the GPS objects, and HORUS's state is
-    /// `Monitoring` or `PositionLost`.
+    /// Returns the events of the run, in which `change` may change what HORUS sends in a cycle (number from 1).
     fn events(&self, mut change: impl FnMut(u64, &mut ReportedValues, &mut [GpsValues])) -> Events {
         let gps = self.receivers.len();
         let mut events = Events::new(gps);
@@ -198,7 +194,6 @@ impl Scene {
     }
 }
 
-/// Returns `status` with the age of the solution in the status of `gps`.
 fn aged(status: GpsStatus, gps: &GpsValues) -> GpsStatus {
     status.with_solution_age_ms(gps.status.solution_age_ms().map(u32::from))
 }
@@ -216,7 +211,6 @@ fn reported(gps: &GpsValues) -> ReportedValues {
     voted(std::slice::from_ref(gps))
 }
 
-/// Returns the vote of receivers that stand still: the median of those that are valid and not excluded.
 fn voted(gps: &[GpsValues]) -> ReportedValues {
     let members: Vec<_> =
         gps.iter().filter(|gps| gps.status.position_valid() && !gps.status.excluded()).copied().collect();
@@ -268,7 +262,6 @@ fn voted(gps: &[GpsValues]) -> ReportedValues {
     }
 }
 
-/// Returns the median of the values, or the mean of the middle two; `None` without values.
 fn middle(mut values: Vec<f64>) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     let (low, high) = (values.len().checked_sub(1)? / 2, values.len() / 2);

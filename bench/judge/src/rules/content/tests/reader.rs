@@ -3,8 +3,6 @@ use gnss_sim::ubx::{CLASS_NAV, SYNC, frame};
 use super::super::ubx::Message;
 use super::*;
 
-/// Passes pieces of a line to the reader, each with its instant and whether the line is undisturbed. Returns when each
-/// message began and arrived, and whether HORUS must have received it.
 fn read(pieces: &[(u64, &[u8], bool)]) -> Vec<(u64, u64, bool)> {
     let mut reader = Reader::default();
     let mut found = vec![];
@@ -14,7 +12,6 @@ fn read(pieces: &[(u64, &[u8], bool)]) -> Vec<(u64, u64, bool)> {
     found.into_iter().map(|Message { begun, arrived, sure, .. }| (begun, arrived, sure)).collect()
 }
 
-/// Returns a message of `bytes` bytes of a kind that HORUS does not read.
 fn message(bytes: usize) -> Vec<u8> {
     frame(CLASS_NAV, 0x35, &vec![7; bytes - 8])
 }

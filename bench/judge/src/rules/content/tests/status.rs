@@ -27,8 +27,6 @@ fn a_solutions_age_is_that_of_the_newest_message_taken() {
         assert!(said.is_empty() || said == STATUS, "{said:?}");
         said.is_empty()
     };
-    // The tick comes at most 10 ms after the message is 400 ms old. HORUS may count 12 ms less, and its age has an
-    // error of 2.1 % and 1 ms.
     let right: Vec<u32> = (0..62).map(|step| 25 * step).filter(|age| told(400, Some(*age))).collect();
     assert_eq!(right, [375, 400]);
     let right: Vec<u32> = (0..=62).map(|step| 25 * step).filter(|age| told(2_000, Some(*age))).collect();
@@ -65,7 +63,6 @@ fn a_receiver_that_falls_silent_takes_its_validity_along() {
     }
 }
 
-/// Returns the violations if `change` changes GPS1 when the last burst, number 5, is `age` ms old.
 fn at_age(age: u64, change: impl Fn(&mut GpsValues, &Burst)) -> Vec<(Violation, u64)> {
     let scene = silent_after(5, 100);
     let last = &scene.receivers[0][5];
@@ -153,8 +150,6 @@ fn a_receiver_that_repeats_its_time_of_week_renews_nothing() {
     assert_eq!(run(350 * MS)[0].0, Violation::StatusWrong);
 }
 
-/// Returns whether a receiver's position may still be valid at this age, and whether it may be invalid. The receiver's
-/// messages come `first` ms apart, then once after each of `steps`, and then no more.
 fn after_steps(first: u32, steps: &[u32], age: u64) -> [bool; 2] {
     let steps: Vec<u32> = std::iter::repeat_n(first, 12).chain(steps.iter().copied()).collect();
     let (mut scene, mut at, mut itow) = (Scene::new(1), FIRST_BURST, 400_000_000);

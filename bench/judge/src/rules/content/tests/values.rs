@@ -137,7 +137,6 @@ fn of_a_kind_two_messages_that_arrive_together_either_may_be_shown() {
     }
 }
 
-/// Returns the violations if `change` changes each NAV-PVT message and HORUS shows the position in it.
 fn position(change: impl Fn(&mut NavPvt), shown: Option<bool>, fix: u16) -> Vec<(Violation, u64)> {
     let mut scene = Scene::new(1);
     for burst in &mut scene.receivers[0] {

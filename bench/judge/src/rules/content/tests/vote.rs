@@ -33,7 +33,6 @@ fn strayed(gps: usize, bursts: std::ops::Range<usize>) -> Scene {
     scene
 }
 
-/// Returns the first cycle that shows burst `number` of GPS2.
 fn shows(scene: &Scene, number: usize) -> u64 {
     let burst = &scene.receivers[1][number];
     cycle_after(&Burst { att: None, ins: None, ..burst.clone() }, 0).max(cycle_after(burst, MS))
@@ -43,8 +42,6 @@ fn excluded(scene: &Scene, cycles: std::ops::Range<u64>) -> Vec<(Violation, u64)
     scene.said(|cycle, _, gps| gps[1].status = gps[1].status.with_excluded(cycles.contains(&cycle)))
 }
 
-/// Returns the violations if HORUS excludes these receivers one cycle after all receivers are valid, when the vote
-/// first has a result.
 fn without(scene: &Scene, receivers: &[usize]) -> Vec<Violation> {
     let mut before = false;
     let said = scene.said(|_, reported, gps| {
@@ -61,7 +58,6 @@ fn without(scene: &Scene, receivers: &[usize]) -> Vec<Violation> {
     said.into_iter().map(|(violation, _)| violation).collect()
 }
 
-/// Returns the violations if Reported-Position is the vote of `members` and no receiver is excluded.
 fn of_members(scene: &Scene, members: &[usize]) -> Vec<Violation> {
     let mut before = false;
     let said = scene.said(|_, reported, gps| {
@@ -116,7 +112,6 @@ fn who_was_excluded_is_in_the_figures() {
     let figures: Figures = found(Content::new(&header(3)), &events.log()).1;
     let [exclusion] = figures.voter.exclusions[..] else { panic!("{:?}", figures.voter) };
     assert_eq!((exclusion.receiver, exclusion.from_ns, exclusion.until_ns), (2, tick(from), Some(tick(until))));
-    // The farthest receiver from the stray GPS2 is GPS3, which is 2.2 m north and 1.5 m west of where GPS2 was.
     assert!((exclusion.away_m.unwrap() - 102.2).abs() < 0.2, "{exclusion:?}");
     assert!((exclusion.height_m.unwrap() - 0.2).abs() < 0.01, "{exclusion:?}");
     let before = figures.voter.none;
@@ -139,7 +134,7 @@ fn a_receiver_that_strays_has_no_vote() {
 fn a_receiver_is_not_excluded_without_a_cause() {
     let scene = Scene::new(3);
     assert_eq!(excluded(&scene, 0..0), []);
-    // HORUS excludes a receiver without a cause, and readmits it before a second has passed.
+    // In this run HORUS excludes a receiver without a cause, and readmits it before a second has passed.
     assert_eq!(excluded(&scene, STEADY..STEADY + 10), [(Violation::ExclusionWrong, 2)]);
     assert_eq!(excluded(&scene, STEADY..121), EXCLUSION);
     let mut scene = Scene::new(3);
@@ -224,8 +219,6 @@ fn the_result_must_come_from_a_largest_set_of_agreeing_receivers() {
     assert_eq!(of_members(&scene, &[0, 1]), [Violation::ExclusionWrong]);
 }
 
-/// Returns the violations of two runs with three receivers: in the first all three are in the vote, in the second only
-/// two. The third receiver is `north` m north of the others and `up` m above them.
 fn together(accuracy: [u32; 2], north: f64, up: f64) -> (Vec<Violation>, Vec<Violation>) {
     let mut scene = standing(&[(0.0, 0.0), (0.0, 0.0), (north, up)]);
     for pvt in scene.receivers.iter_mut().flatten().filter_map(|burst| burst.pvt.as_mut()) {
@@ -238,8 +231,6 @@ fn together(accuracy: [u32; 2], north: f64, up: f64) -> (Vec<Violation>, Vec<Vio
 fn two_receivers_agree_within_three_times_their_combined_accuracy() {
     let agree = (vec![], vec![Violation::ExclusionWrong]);
     let disagree = (vec![Violation::VoteWrong], vec![]);
-    // An age of up to 160 ms adds at most 5 cm to a position's accuracy. Two receivers may agree or disagree within 1 %
-    // and 5 cm of the limit.
     for (accuracy, along, high) in [
         ([100, 100], 5.0, 8.0),
         ([3_000, 3_000], 12.73, 12.73),
@@ -352,18 +343,15 @@ fn a_position_is_brought_to_the_tick() {
 
 #[test]
 fn a_position_is_older_if_its_message_comes_late() {
-    // GPS2 flies north between two receivers that stand still. Each row has the delay of each receiver's messages, ms,
-    // and the age of GPS2's position when its message arrives, s.
+    // GPS2 flies north between two receivers that stand still. A row has the delay (ms) of each receiver's messages,
+    // and the age (s) of GPS2's position when its message arrives.
     for (late, before_arrival) in [
         ([0, 0, 0], 0.050),
         ([0, 40, 20], 0.070),
         ([20, 0, 40], 0.030),
         ([0, 40, 0], 0.090),
-        // The delays of these receivers differ by more than HORUS accepts.
         ([0, 70, 0], 0.050),
         ([70, 0, 65], 0.050),
-        // The delays of these receivers differ by about as much as HORUS accepts. HORUS processes a message up to 12 ms
-        // after its arrival.
         ([0, 50, 0], 0.050),
         ([0, 50, 0], 0.100),
     ] {
@@ -483,8 +471,6 @@ fn attitude_and_acceleration_are_those_of_the_members_that_have_one() {
     assert_eq!(said, REPORTED);
 }
 
-/// Returns the violations of two runs with the changed `bursts`. In the first HORUS votes by the rules. In the second
-/// `changed` changes the vote in all cycles in which every receiver has sent messages.
 fn of_three(
     gps: usize,
     bursts: impl Fn(usize, &mut Burst),
@@ -626,7 +612,6 @@ fn jumping(gps: usize, bursts: std::ops::Range<usize>, north: f64, up: f64) -> S
     scene
 }
 
-/// Removes the voted position from Reported-Position, but leaves HORUS's state as it is.
 fn withhold(reported: &mut ReportedValues) {
     let state = reported.status.state().unwrap();
     *reported = ReportedValues::absent(reported.timestamp);
@@ -641,7 +626,6 @@ fn withheld(scene: &Scene, cycles: std::ops::Range<u64>) -> Vec<(Violation, u64)
     })
 }
 
-/// Returns the first cycle in whose vote HORUS uses burst `number` of GPS1.
 fn voted_from(scene: &Scene, number: usize) -> u64 {
     cycle_after(&scene.receivers[0][number], MS)
 }
@@ -667,8 +651,8 @@ fn who_comes_back_from_a_jump_has_to_be_shown_at_once() {
     assert_eq!(withheld(&scene, from..until), []);
     // In the first cycle after the jump, the vote may still have used the burst before the jump.
     assert_eq!(withheld(&scene, from..until + 4), [(Violation::VoteMissing, 3)]);
-    // HORUS holds the new position back for 400 ms. Then the old position returns for one burst, so the second of
-    // holding back begins anew.
+    // HORUS holds the new position back for 400 ms. Then the old position returns for one burst, which restarts the
+    // second for which HORUS holds a jump back.
     let mut scene = jumping(3, 8..99, 1_000.0, 0.0);
     for receiver in &mut scene.receivers {
         receiver[12].pvt.as_mut().unwrap().latitude_1e7 -= (1_000.0 * PER_METRE) as i32;
@@ -696,7 +680,6 @@ fn a_step_within_200_m_s_and_the_accuracies_is_no_jump() {
     assert_eq!(missing(17.0, 0), []);
     assert_eq!(missing(17.0, 2)[0].0, Violation::VoteMissing);
     assert_eq!(missing(25.0, 0), VOTE);
-    // An aircraft that flies at the greatest speed needs 0.42 s for 100 m, less the allowed step.
     assert_eq!(missing(100.0, 42), []);
     assert_eq!(missing(100.0, 30), VOTE);
     assert_eq!(missing(100.0, 60)[0].0, Violation::VoteMissing);
@@ -784,7 +767,7 @@ fn horus_is_starting_until_its_first_result() {
     assert_eq!(scene.said(unchanged), []);
     assert_eq!(scene.said(monitoring), REPORTED);
     assert_eq!(scene.said(lost), REPORTED, "there was none");
-    // A cycle without a frame hides from the judge whether the vote had a result in it.
+    // If a cycle has no frame, the judge does not learn whether the vote of that cycle had a result.
     let mut events = scene.events(lost);
     let unseen = tick(STEADY - 5);
     events.without(
@@ -811,18 +794,16 @@ fn horus_monitors_only_while_there_is_a_result() {
     assert_eq!(state(gone, HorusState::Monitoring), REPORTED);
 }
 
-/// Returns the violations if HORUS restarts for `cause` while GPS2 is excluded. `excluded` says whether GPS2 and GPS3
-/// are excluded afterwards.
+/// Returns the violations if HORUS restarts for `cause` while GPS2 is excluded. `excluded` states whether GPS2 and GPS3
+/// are excluded after the restart.
 fn after_restart(cause: Cause, reason: ResetReason, excluded: [bool; 2]) -> Vec<(Violation, u64)> {
     after_off(false, cause, reason, excluded)
 }
 
-/// Does what [`after_restart`] does; with `off`, HORUS has no supply for 10 ms before the restart.
 fn after_off(off: bool, cause: Cause, reason: ResetReason, excluded: [bool; 2]) -> Vec<(Violation, u64)> {
     after_cycles(&strayed(3, 5..26), 25, off, cause, reason, excluded)
 }
 
-/// Does what [`after_off`] does, with the restart `cycles` cycles after the first cycle that excludes GPS2.
 fn after_cycles(
     scene: &Scene,
     cycles: u64,
@@ -871,7 +852,6 @@ fn who_is_excluded_stays_so_over_a_restart_that_keeps_ram() {
 
 #[test]
 fn just_before_a_restart_an_unseen_vote_may_exclude_a_receiver() {
-    // In the 20th cycle after the exclusion all receivers are due to send a burst; only those in `speak` do.
     let found = |cycles: u64, speak: &[usize], excluded: [bool; 2]| {
         let mut scene = strayed(3, 5..26);
         for (receiver, bursts) in scene.receivers.iter_mut().enumerate() {
@@ -994,8 +974,8 @@ fn while_ticks_are_not_regular_no_place_is_judged() {
     assert_eq!(kinds(&events), []);
 }
 
-/// HORUS votes one cycle before the tick, and drops a position that will be too old at the tick. The tick's object may
-/// already show a newer position.
+/// HORUS votes one cycle before the tick and leaves out a position that will be too old at the tick. The GPS object of
+/// that tick may already show the receiver's next position.
 #[test]
 fn a_position_that_expires_before_its_successor_comes_may_miss_one_vote() {
     let without_gps2 = |scene: &Scene, missed: u64| {

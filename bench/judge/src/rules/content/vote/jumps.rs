@@ -5,7 +5,8 @@
 //! agree.
 //!
 //! HORUS must hold a jump back until the vote has had a result for one second without a further jump, and must show it
-//! after that. Close to these limits, and where the log does not determine them, the judge accepts both.
+//! after that. Close to these limits the judge accepts both. It also accepts both where the log does not determine the
+//! limits.
 
 use gnss_sim::{Geodetic, TangentPlane};
 
@@ -14,7 +15,7 @@ use crate::bounds;
 
 /// The voted place, or the voted altitude, at a tick.
 pub(super) trait Mark: Clone {
-    /// The least and the greatest limit, m, of the distance within which two receivers agree.
+    /// The distance, m, within which two receivers agree: the least and the greatest limit of decision 15.
     const LIMITS_M: (f64, f64);
 
     /// Returns the distance, m, from this place or altitude to the later `next`.
@@ -23,7 +24,7 @@ pub(super) trait Mark: Clone {
     /// Returns the greatest accuracy, m, of a receiver in this vote, with the addition for the age of its position.
     fn accuracy(&self) -> Range;
 
-    /// Returns a place or altitude whose ranges cover both.
+    /// Returns a place or altitude whose range covers this one and `other`.
     fn or(self, other: Self) -> Self;
 
     /// Returns whether `next`, voted `ns` later, is so near that it is no jump.
@@ -46,8 +47,7 @@ pub(super) trait Mark: Clone {
         }
     }
 
-    /// Returns whether there may be a result between this one and `next`, voted two ticks later, so that neither step
-    /// is a jump.
+    /// Returns whether the vote's result can move from this one to `next` in two ticks without a jump.
     fn may_lead_by_two(&self, next: &Self) -> bool {
         let way = self.way(next).least * (1.0 - bounds::GEODESY_SHARE) - bounds::ARITHMETIC_M;
         way <= 2.0 * (Self::LIMITS_M.1 + flown(bounds::CYCLE + bounds::TICK_TOLERANCE))
@@ -137,13 +137,11 @@ enum Last<T> {
 #[derive(Clone, Debug)]
 pub(super) struct Course<T> {
     last: Last<T>,
-    /// The votes' results at the last two ticks; `None` if not known. Where HORUS may have used a message at either of
-    /// two ticks, a result is a range that covers both cases.
+    /// The results of the vote at the last two ticks; `None` if not known.
     before: [Option<T>; 2],
-    /// The last tick, ns, at which the second for which HORUS holds a jump back certainly began anew. It begins anew if
-    /// there is no result, if the result jumps, or if HORUS shows the place.
+    /// HORUS holds a jump back for a certain time. The last tick, ns, at which this time certainly began anew.
     broke: u64,
-    /// The last tick, ns, at which the vote may have had no result, or may have jumped.
+    /// The last tick, ns, at which the time of holding a jump back may have begun anew.
     may_have_broken: u64,
 }
 
@@ -152,7 +150,8 @@ impl<T: Mark> Course<T> {
         Self { last: Last::Nothing, before: [None, None], broke: 0, may_have_broken: 0 }
     }
 
-    /// Records that neither the place or altitude shown last nor the results since then are known.
+    /// Records that the place or altitude shown last is not known, and that the results since then are not known
+    /// either.
     pub(super) fn lose(&mut self) {
         self.last = Last::Unknown;
         self.before = [None, None];

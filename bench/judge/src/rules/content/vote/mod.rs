@@ -4,16 +4,15 @@
 //!
 //! # How it is judged
 //!
-//! HORUS votes for a tick in the cycle before it, from what each receiver's GPS object shows in this cycle or showed in
-//! the cycle before. A receiver is a candidate if its position may be voted on. If both objects have a valid position,
-//! it certainly is one, unless the older position may expire before the newer one comes. If only one has, it may be
-//! one. A receiver that is excluded in both cycles is not eligible for the result.
+//! HORUS votes for a tick in the cycle before it. A vote can use what each receiver's GPS object shows in this cycle,
+//! or showed in the previous cycle. A receiver whose position may be in the vote is a candidate. A receiver that is
+//! excluded in both cycles is not eligible for the result.
 //!
 //! Position, velocity and accuracy come from the messages, and their ages are known within the limits of `track::Age`.
 //! For each two receivers the judge determines whether they agree, disagree, or may do either ([`places`]).
 //!
-//! The members of a result are the eligible receivers from which HORUS voted it. HORUS states only their number, so the
-//! judge tries every set of that size, and reports a violation only if none fits.
+//! HORUS votes a result from some of the eligible receivers, its members. HORUS states only how many members there are.
+//! So the judge tries every set of that size, and reports a violation only if none fits.
 //!
 //! | violation | when |
 //! |---|---|
@@ -29,16 +28,16 @@
 //! - The vote has no result.
 //! - The receiver agrees with a member of the result.
 //!
-//! A receiver must not stay excluded if it has agreed with all members of the result for more than 1.1 s. It must be
-//! excluded if it agrees with no member, or if it has agreed for less than a second since its exclusion. If a quorum of
-//! the members have an altitude, a receiver that has one too must agree with one of them.
+//! An excluded receiver must stay excluded until it has agreed with all members of the result for a second. It must
+//! return when it has agreed for more than 1.1 s. A receiver that agrees with no member must become excluded. If a
+//! quorum of the members has an altitude, a receiver with an altitude must agree with one of these members.
 //!
-//! After a restart of HORUS that leaves RAM as it was, an excluded receiver stays excluded unless it may have returned.
-//! A receiver that agreed with all others must not be excluded then, if it has sent nothing new and fewer than M others
-//! have. M is the quorum.
+//! After a restart of HORUS that leaves RAM as it was, an excluded receiver must stay excluded, unless it could be
+//! readmitted before the restart. A receiver that agreed with all others may be excluded only after a new message of
+//! its own, or new messages of a quorum.
 //!
-//! An altitude, an attitude and an acceleration are each voted from receivers that state one. They must be at least M,
-//! the quorum, and must all agree.
+//! Altitude, attitude and acceleration are each voted from the receivers that state one. At least M (the quorum)
+//! receivers must state it, and all of them must agree.
 //!
 //! At most one violation is reported for a cycle. M, the quorum, is 1, 1, 2, 3 for 1, 2, 3, 5 receivers.
 //!
@@ -88,7 +87,7 @@ struct Returning {
     did_not: Option<u64>,
 }
 
-/// What the judge knows of HORUS's votes so far, which it needs for the next cycle.
+/// The judge's knowledge of HORUS's votes so far, with which it judges the next cycle.
 #[derive(Clone, Debug)]
 pub(super) struct Vote {
     receivers: usize,
@@ -120,7 +119,7 @@ pub(super) enum Ram {
     Kept,
     /// RAM may have kept its content: the supply was off, and the log does not say how low the voltage went.
     MayBeKept,
-    /// RAM lost its content, or the start is a power-on, after which HORUS must not use the content.
+    /// RAM lost its content. A power-on counts as such a loss, because HORUS must not use the content after it.
     Lost,
 }
 
@@ -151,7 +150,6 @@ struct Cycle<'a> {
 }
 
 impl Cycle<'_> {
-    /// Returns those of `others` that have this relation to `receiver`.
     fn related(&self, receiver: usize, others: Set, relation: Relation) -> Set {
         each(others & !bit(receiver))
             .filter(|other| self.relations[receiver][*other] == relation)
@@ -163,7 +161,7 @@ impl Cycle<'_> {
         self.related(receiver, others, Relation::Agree) == others
     }
 
-    /// Returns the largest subset of which every two receivers certainly agree.
+    /// Returns the largest subset of these receivers in which every two receivers certainly agree.
     fn largest(&self, of: Set) -> Set {
         let sets = (0..1 << self.seen.len()).filter(|set: &Set| set & !of == 0);
         let agree = |set: &Set| each(*set).all(|receiver| self.agrees_with_all(receiver, *set));
@@ -175,8 +173,8 @@ impl Cycle<'_> {
         (self.sure & !(self.now & self.before), self.may & !(self.now & self.before))
     }
 
-    /// Returns the members of a result with which `receiver` has to agree: those that certainly count, and those that
-    /// may count. Only members with an altitude count if the receiver and a quorum of the members have one.
+    /// Returns the members of a result with which `receiver` has to agree, as two sets: the certain ones, and the
+    /// possible ones. If the receiver and a quorum have an altitude, only members with an altitude count.
     fn peers(&self, receiver: usize, members: Set) -> (Set, Set) {
         let (own, quorum) = (bit(receiver), |set: Set| count(members & set) >= self.least);
         if self.may_be_high & own == 0 || !quorum(self.may_be_high) {
@@ -211,7 +209,6 @@ impl Cycle<'_> {
         (place, altitude)
     }
 
-    /// Returns the range of the worst horizontal or vertical accuracy, by `axis`, among these members.
     fn accuracy(&self, members: Set, axis: usize) -> Option<Range> {
         let of: Option<Vec<_>> = each(members).map(|member| Some(self.places[member].accuracy()?[axis])).collect();
         of?.into_iter().reduce(|one, its| Range { least: one.least.max(its.least), most: one.most.max(its.most) })
@@ -236,7 +233,7 @@ impl Cycle<'_> {
     }
 }
 
-/// Returns a range that covers all `marks`, which are places or altitudes; `None` if one of them is not known.
+/// Returns a range that covers all these places or altitudes; `None` if one of them is not known.
 fn all<T: Mark>(marks: impl Iterator<Item = Option<T>>) -> Option<T> {
     marks.collect::<Option<Vec<_>>>()?.into_iter().reduce(Mark::or)
 }
@@ -260,11 +257,11 @@ impl Vote {
     }
 
     /// Resets the state at a start of HORUS after `ticks` ticks. `ram` says whether HORUS may still know which
-    /// receivers were excluded: those of the last judged cycle, changed by up to three votes that no frame shows.
+    /// receivers were excluded.
     ///
-    /// In the votes that no frame shows, HORUS may have used newer positions of the receivers `heard`. A receiver that
-    /// agreed with all others can become excluded only by a newer position of its own, or by newer positions of a whole
-    /// quorum.
+    /// Before the restart HORUS may have voted up to three times without sending the result. A receiver that agreed
+    /// with all others becomes excluded in these votes only if messages of that receiver, or of a quorum, are among
+    /// those `heard`.
     pub(super) fn restart(&mut self, ram: Ram, ticks: u64, heard: Set) {
         let all = (0..self.receivers).fold(0, |set, receiver| set | bit(receiver));
         let restarted = match self.restarted {
@@ -305,7 +302,8 @@ impl Vote {
         self.last.0 + 1 == number
     }
 
-    /// Judges Reported-Position in cycle `number` since HORUS's start, whose GPS objects are right.
+    /// Judges Reported-Position in cycle `number`, counted from HORUS's start. The caller has found that the GPS
+    /// objects of this cycle are right.
     pub(super) fn cycle(
         &mut self,
         tick: u64,
@@ -410,8 +408,8 @@ impl Vote {
         })
     }
 
-    /// Returns, in words, why the result is wrong, or why there should be one. Adds every set of receivers that may
-    /// have voted it to `members`.
+    /// Returns, in words, why the stated result is wrong, or why HORUS should have stated a result. Adds to `members`
+    /// every set of receivers from which HORUS may have voted the result.
     fn vote(
         &self,
         tick: u64,
@@ -690,7 +688,6 @@ fn motion(reported: &ReportedValues, members: Set, cycle: &Cycle) -> Option<Stri
     })
 }
 
-/// Returns values of a GPS object, and whether they are valid.
 type Part = fn(&GpsValues) -> (bool, [f32; 3]);
 
 /// Returns the largest difference between any two of these values, which are angles if `circle` is true.

@@ -1,10 +1,9 @@
 //! Computes where the receivers are at a tick, how far apart they are, and whether they agree. The results are ranges,
 //! because the log does not state exactly when HORUS took which message.
 //!
-//! A position is older than the message that brought it. The delay is the time from the message's time of week to its
-//! arrival (decision 15, brought to the tick). Among the candidates, which are the receivers whose position may be
-//! voted on, the position with the middle delay is taken to be 50 ms older than its message. For any other candidate,
-//! the difference between its delay and the middle one is added, if it is at most 50 ms.
+//! A position is older than the message that brought it, because a receiver needs time to compute and send it. By
+//! decision 15, HORUS assumes 50 ms for the receiver with the middle delay. For any other receiver in the vote it adds
+//! the difference between the two delays, up to 50 ms.
 
 use gnss_sim::{Geodetic, TangentPlane};
 
@@ -15,7 +14,6 @@ use crate::bounds;
 /// The distance, m, beyond which two receivers are compared on the ellipsoid and not in a tangent plane.
 const PLANE: f64 = 10_000.0;
 
-/// A range from a least to a greatest value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Range {
     pub(super) least: f64,
@@ -39,7 +37,6 @@ impl Range {
         Self { least: self.least - other.most, most: self.most - other.least }
     }
 
-    /// Returns the range of the absolute values.
     pub(super) fn magnitude(self) -> Self {
         let (least, most) = (self.least.abs(), self.most.abs());
         let inside = if self.least <= 0.0 && self.most >= 0.0 { 0.0 } else { least.min(most) };
@@ -103,15 +100,12 @@ impl Place {
         self.0.push(Version { ground, plane: TangentPlane::new(ground), altitude, messages, held: None });
     }
 
-    /// Returns the delay, s, from the message's time of week to its arrival. `reference` means the same as in
-    /// [`since_epoch`].
     fn lag(&self, reference: i64) -> Option<Range> {
         let lags =
             self.0.iter().map(|version| version.messages.iter().map(|held| lag(held, reference)).reduce(Range::hull));
         lags.collect::<Option<Vec<_>>>()?.into_iter().reduce(Range::hull)
     }
 
-    /// Returns whether the receiver's movement since its position was measured is known.
     pub(super) fn is_known(&self) -> bool {
         !self.0.is_empty() && self.0.iter().all(|version| version.held.is_some())
     }
@@ -123,7 +117,6 @@ impl Place {
         all?.into_iter().reduce(|one, other| [one[0].hull(other[0]), one[1].hull(other[1])])
     }
 
-    /// Returns the place of this latitude and longitude in this tangent plane, m north and east.
     pub(super) fn plane_of(&self, latitude: f64, longitude: f64) -> Option<[f64; 2]> {
         let [north, east, _] = self.0.first()?.plane.to_ned(Geodetic { latitude, longitude, height: 0.0 });
         Some([north, east])
@@ -150,7 +143,6 @@ impl Place {
         all?.into_iter().reduce(|one, other| [one[0].hull(other[0]), one[1].hull(other[1])])
     }
 
-    /// Returns the point on the ellipsoid this many metres north and east of this place.
     pub(super) fn beside(&self, [north, east]: [f64; 2]) -> Option<Geodetic> {
         let there = self.0.first()?.plane.to_geodetic([north, east, 0.0]);
         Some(Geodetic { height: 0.0, ..there })
@@ -183,7 +175,7 @@ impl Version {
         let (one, its) = (self.ground.to_ecef(), other.ground.to_ecef());
         let chord = one.iter().zip(its).map(|(one, its)| (one - its).powi(2)).sum::<f64>().sqrt();
         if chord > PLANE {
-            // The distance along the ellipsoid is longer than the straight line, by a factor of at most half of pi.
+            // The distance along the ellipsoid is at most pi / 2 times the straight line.
             return Some((Range::of(chord, 1.6 * chord), height()));
         }
         let [north, east] = other.north_east(self)?;
@@ -213,8 +205,8 @@ impl Version {
     }
 }
 
-/// Brings the positions of all receivers forward to the tick. The receivers in `sure` are candidates, and those in
-/// `may` may be.
+/// Brings the positions of all receivers forward to the tick. The receivers in `sure` are in the vote, and those in
+/// `may` can be.
 pub(super) fn bring(places: &mut [Place], sure: Set, may: Set) {
     let some = places.iter().flat_map(|place| &place.0).flat_map(|version| &version.messages).next();
     let Some(reference) = some.map(|held| held.since_epoch) else { return };
@@ -223,7 +215,7 @@ pub(super) fn bring(places: &mut [Place], sure: Set, may: Set) {
         let lags = lags.iter().enumerate().filter(|(receiver, _)| set & bit(*receiver) != 0).map(|(_, lag)| *lag);
         median(&lags.collect::<Option<Vec<_>>>()?)
     };
-    // The judge does not know the set of candidates, so it tries every possible set for the middle delay.
+    // The middle delay depends on the set of receivers in the vote, so the judge tries every possible set.
     let sets = (0..1 << places.len()).filter(|set: &Set| set & !may == 0 && set & sure == sure && *set != 0);
     let middle = sets.map(of).collect::<Option<Vec<_>>>();
     let middle = middle.and_then(|middle| middle.into_iter().reduce(Range::hull));
@@ -237,14 +229,11 @@ fn seconds(ns: i64) -> f64 {
     ns as f64 / 1e9
 }
 
-/// Returns the time, s, from a message's time of week to the tick, modulo a week and within half a week of `reference`
-/// (ns).
+/// Returns the time, s, from a message's time of week to the tick. The time is within half a week of `reference` (ns).
 fn since_epoch(held: &Held, reference: i64) -> f64 {
     seconds((held.since_epoch - reference + WEEK / 2).rem_euclid(WEEK) - WEEK / 2)
 }
 
-/// Returns the delay, s, from a message's time of week to its arrival. `reference` means the same as in
-/// [`since_epoch`].
 fn lag(held: &Held, reference: i64) -> Range {
     let ages = Range::of(seconds(held.age.least as i64), seconds(held.age.most as i64));
     Range { least: since_epoch(held, reference) - ages.most, most: since_epoch(held, reference) - ages.least }
@@ -261,8 +250,8 @@ fn age(held: &Held, reference: i64, middle: Option<Range>) -> Range {
     if off.least > spread || off.most < -spread {
         return as_usual;
     }
-    // The uncertain instant of arrival does not matter here: a later arrival means a longer delay and a shorter time to
-    // the tick.
+    // An error in the instant of arrival has no effect: if the delay seems longer, the time from the arrival to the
+    // tick seems shorter by as much.
     let epoch = since_epoch(held, reference);
     let by_epoch = Range { least: epoch - middle.most, most: epoch - middle.least }.moved(usual);
     let by_epoch = Range { least: by_epoch.least.max(widest.least), most: by_epoch.most.min(widest.most) };

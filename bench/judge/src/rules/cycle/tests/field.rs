@@ -63,7 +63,6 @@ fn horus_may_drop_the_field_to_recover_from_lost_frames() {
             events.field(at, false).field(tick(8), true);
         })
     };
-    // The second of two commanded frames never ends. HORUS brings its front end up 0.5 ms after the end that was due.
     let command = (Violation::CommandWithoutFrame, 2, tick(5) + COMMAND[0]);
     assert_eq!(lost(5_700_000, is_sent), [command]);
     assert_eq!(lost(200_000, |event| !is_tick(event)), [(Violation::NoFrame, 1, tick(6))]);
@@ -90,7 +89,7 @@ fn the_field_may_be_off_until_it_first_comes_on() {
 
 #[test]
 fn the_bounds_around_a_drop_are_as_stated() {
-    // The field has been on again at the tick for just as long as HORUS needs before it sends.
+    // A frame is required after tick 6 if the field is back by tick 5, but not if the field comes back later.
     let ready = |early: u64| {
         changed(3, |events| {
             events.without(|event| (of(5)(event) || of(6)(event)) && !is_tick(event));
@@ -100,7 +99,8 @@ fn the_bounds_around_a_drop_are_as_stated() {
     let dropped = (Violation::FieldDropped, 1, tick(5));
     assert_eq!(ready(1), [dropped]);
     assert_eq!(ready(0), [(Violation::NoFrame, 1, tick(7)), dropped]);
-    // The field goes off at, or just before, the earliest instant at which the commanded frame may have ended.
+    // HORUS's frame must have ended by a certain instant after its command. The field goes off at that instant, or 1 ns
+    // later.
     let command = tick(5) + COMMAND[0];
     let after = |passed: u64| {
         changed(3, |events| {

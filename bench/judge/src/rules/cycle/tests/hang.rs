@@ -3,8 +3,8 @@ use super::*;
 /// The time, ns, from the beginning of a hang until the watchdog bites.
 const BITES: u64 = 83 * MS;
 
-/// Returns a run in which HORUS's core stops at `at` until the watchdog restarts HORUS. Meanwhile TICK goes on, since
-/// the timer makes it, and the frame on the air breaks off. If `told`, the log has an event that states the hang.
+/// Returns a run in which HORUS's core stops at `at` and its watchdog restarts HORUS later. TICK continues, because a
+/// timer drives it. `told` adds an event that states the hang.
 fn hung(gps: usize, at: u64, told: Option<u64>) -> Events {
     let mut events = Events::flawless(gps, CYCLES);
     for event in &mut events.events {
@@ -39,7 +39,6 @@ fn a_hang_of_horus_excuses_its_unfinished_cycle() {
         {
             let at = tick(5) + after;
             assert_eq!(broken(&hung(gps, at, Some(at))), [], "{gps} {after}");
-            // The log calls the restart intended (`asked`), but has no event that states the hang.
             let mut asked = hung(gps, at, None);
             for event in &mut asked.events {
                 if let What::Reset { asked, .. } = &mut event.what {
@@ -75,7 +74,6 @@ fn frames_missing_before_a_hang_are_reported_despite_the_watchdogs_reset() {
     let mut events = hung(3, at, Some(at));
     events.without(|event| of(5)(event) && !is_tick(event));
     assert_eq!(broken(&events), [(Violation::NoFrame, 1, tick(6))]);
-    // No frame came between the missing frame and the hang, so the missing frame must be reported at the hang.
     let at = tick(7) + 50_000;
     let mut events = hung(3, at, Some(at));
     events.without(|event| of(6)(event) && !is_tick(event));

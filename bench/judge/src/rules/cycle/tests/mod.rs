@@ -11,7 +11,6 @@ use crate::testing::{COMMAND, Events, FIRST_TICK, LATENCY, MS, found, header};
 const CYCLE: u64 = bounds::CYCLE;
 const CYCLES: u64 = 20;
 
-/// Returns the instant, ns, of tick `number` (from 1) in a flawless run.
 fn tick(number: u64) -> u64 {
     FIRST_TICK + (number - 1) * CYCLE
 }
@@ -20,14 +19,12 @@ fn broken(events: &Events) -> Vec<(Violation, u64, u64)> {
     found(Cycle::new(&header(events.gps)), &events.log()).0
 }
 
-/// Returns the violations that are found if `change` changes a flawless run of 20 cycles.
 fn changed(gps: usize, change: impl FnOnce(&mut Events)) -> Vec<(Violation, u64, u64)> {
     let mut events = Events::flawless(gps, CYCLES);
     change(&mut events);
     broken(&events)
 }
 
-/// Returns whether an event comes in cycle `number`: at its tick or later, and before the next tick.
 fn of(number: u64) -> impl Fn(&Event) -> bool {
     move |event| event.at >= tick(number) && event.at < tick(number + 1)
 }

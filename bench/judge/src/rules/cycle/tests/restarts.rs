@@ -1,6 +1,5 @@
 use super::*;
 
-/// Returns the violations if `restart` restarts HORUS at `at`, after which HORUS runs for nine cycles.
 fn restarted(gps: usize, at: u64, restart: impl Fn(&mut Events)) -> Vec<(Violation, u64, u64)> {
     let mut events = Events::flawless(gps, CYCLES);
     events.without(|event| event.at > at && !is_sent(event));

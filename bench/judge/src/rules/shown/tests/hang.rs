@@ -13,12 +13,10 @@ fn stopped(n: usize, at: u64) -> Run {
     }
 }
 
-/// Returns an edit that removes the images of 80 ms from `at` on, so that the last image expires.
 fn silent(at: u64) -> impl Fn(&mut Vec<Image>) {
     move |images| images.retain(|image| image.at <= at || image.at >= at + 80 * MS)
 }
 
-/// Adds the event that the bench stopped the DPR's core at `at`.
 fn told(mut run: Run, at: u64) -> Run {
     run.extra.push(Event { at, what: What::Hung { board: Board::Dpr } });
     run
@@ -109,7 +107,6 @@ fn what_reaches_the_antenna_of_a_dpr_that_hangs_is_never_shown() {
 
 #[test]
 fn objects_may_outlast_a_repeated_frame_if_the_dpr_hangs_first() {
-    // The only receiver's frame arrives twice.
     let run = Run::new(1);
     let (cycle, after) = (20, 5_300 * US);
     let repeated = run.end(cycle) + after;

@@ -81,9 +81,8 @@ fn a_transaction_that_reads_ones_throughout_is_not_asked() {
     }
 }
 
-/// A flight controller in another SPI mode samples MISO half a clock period early. The first bit that it reads from a
-/// busy DPR is therefore the line's level before the transfer. The judge reports a cycle that is not shown if this
-/// level is 1, and damaged bytes if it is 0.
+/// A flight controller in another SPI mode samples MISO early, so the first bit that it reads is the level of the idle
+/// line. A busy DPR is then read as 0xFF throughout, or as 0x7F and 0xFF bytes, which are damaged.
 #[test]
 fn ones_throughout_but_for_the_first_bit_are_damage_and_not_asked() {
     for n in RECEIVERS {
@@ -213,7 +212,6 @@ fn a_second_frame_2500_us_late_still_belongs_to_its_cycle() {
             }
         };
         assert_eq!(run.broken(without) == [Violation::Vacant], must, "{by}");
-        // The DPR may first publish an image with the first frame's objects alone.
         let shown = run.broken(show(&run, run.end(20) + (by + 60) * US, 20, 3..=5));
         assert_eq!(shown == [Violation::ShownOutOfSequence], never, "{by}: {shown:?}");
     }
@@ -239,7 +237,6 @@ fn what_is_told_says_when() {
     assert!(words.contains("200 ms") && words.contains(&ended), "{words}");
 }
 
-/// Returns the violations if `edit` changes the arrival of cycle 20's frame, and no image shows that cycle.
 fn heard_otherwise(run: &Run, edit: impl Fn(&mut u64, &mut Vec<u8>, &mut bool) -> Option<Event>) -> Vec<Violation> {
     let mut log = run.log(hide(200));
     let at = run.end(20);
@@ -287,7 +284,6 @@ fn a_dpr_that_has_started_must_show_what_follows_100_ms_later() {
     let mut run =
         Run { cycles: 80, dpr_start: Some((300 * MS, crate::Cause::Pin, profile::ResetReason::Pin)), ..Run::new(3) };
     run.assert_flawless();
-    // Cycle 38 is sent 400 ms after power-on. Three further cycles find the sequence.
     let first = (30..80).find(|cycle| run.broken(hide(run.timestamp(*cycle))) == [Violation::NotShown]);
     assert_eq!(first, Some(41));
     run.dpr_start = None;
@@ -297,7 +293,6 @@ fn a_dpr_that_has_started_must_show_what_follows_100_ms_later() {
 #[test]
 fn a_disturbed_front_end_may_still_have_received_frozen_frames() {
     let mut run = Run { cycles: 90, frozen: (20..90).collect(), ..Run::new(5) };
-    // The front end's bring-up ends between the two frames of cycle 70.
     let deaf = Disturbance::FrontEnd { board: Board::Dpr, harm: Harm::Deaf };
     let fault = injected(deaf, run.tick(70) + 2 * MS - bounds::FRONT_END_RECOVERY);
     run.extra.push(Event { at: 200 * MS, what: fault });
@@ -306,7 +301,6 @@ fn a_disturbed_front_end_may_still_have_received_frozen_frames() {
 
 #[test]
 fn a_missed_frame_does_not_end_the_dprs_sequence() {
-    // The DPR misses cycle 20. A frame that broke off reaches the antenna 5 ms late.
     let missed = Run::new(3).hit_all([20], &Air::Lost);
     let mut log = missed.log(|_| {});
     let at = missed.end(20) + 5 * MS;
@@ -325,8 +319,6 @@ fn a_missed_frame_does_not_end_the_dprs_sequence() {
 fn a_possibly_missed_repeated_frame_may_leave_the_sequence_intact() {
     for hit in [true, false] {
         let run = Run::new(1);
-        // The repeated frame begins during the bring-up of the front end. The bring-up ends as the next cycle's frame
-        // begins.
         let again = run.end(20) + MS;
         let mut log = run.log(|_| {});
         let repeated = log.events.iter().find_map(|event| match &event.what {

@@ -6,14 +6,13 @@ use crate::disturbance::Memory;
 use crate::testing::{DPR_FRONT_END, HORUS_FRONT_END, injected};
 use crate::{Board, Disturbance, Event, Violation, What, judge};
 
-/// The numbers of receivers with which the rule `shown` is tested.
 const RECEIVERS: [usize; 3] = [1, 3, 5];
 
 #[test]
 fn a_flawless_run_breaks_nothing() {
     for n in RECEIVERS {
         let verdict = Run::new(n).assert_flawless();
-        // The run has 40 cycles, of which the first three find the sequence and are not shown.
+        // The first three of 40 cycles find the sequence and are not shown.
         assert_eq!(verdict.figures.valid_cycles, 37, "{n} receivers");
         assert_eq!(verdict.figures.faults.invalid_shown_valid, 0);
     }
@@ -46,7 +45,7 @@ fn a_correct_dpr_breaks_no_rule_whatever_happens_on_the_air() {
                 Run::new(n).hit(20, frame, hit.clone()).assert_flawless();
                 Run::new(n).hit(20, frame, hit.clone()).hit(22, frame, hit.clone()).assert_flawless();
                 Run::new(n).hit_all(20..23, &hit).assert_flawless();
-                // The same faults of the air are applied while the DPR searches for the sequence.
+                // The DPR searches for the sequence when the air disturbs the frame.
                 Run::new(n).hit_all(9..=35, &Air::Lost).hit(37, frame, hit.clone()).assert_flawless();
             }
         }
@@ -96,7 +95,6 @@ fn a_frozen_horus_breaks_nothing() {
     }
 }
 
-/// Returns an edit that removes the objects with this timestamp from each image.
 fn hide(timestamp: u32) -> impl Fn(&mut Vec<Image>) {
     move |images| {
         for image in images.iter_mut().filter(|image| image.timestamp() == Some(timestamp)) {
@@ -105,7 +103,6 @@ fn hide(timestamp: u32) -> impl Fn(&mut Vec<Image>) {
     }
 }
 
-/// Returns an edit by which the first image from `at` on shows these objects of a cycle.
 fn show(run: &Run, at: u64, cycle: u32, objects: impl IntoIterator<Item = usize> + Clone) -> impl Fn(&mut Vec<Image>) {
     let (profile, layout) = (run.profile(cycle), run.layout());
     move |images| {
@@ -220,7 +217,7 @@ fn an_object_that_horus_never_sent_is_shown_as_valid() {
             assert_ne!(forged, run.profile(20)[run.layout().in_profile(index).unwrap()]);
             let verdict = run.verdict(forge);
             assert_eq!(kinds(&verdict), [Violation::ShownNeverSent], "{n} receivers, object {index}");
-            // Transactions come every 2 ms, so five of them read the object in the cycle, and each counts.
+            // Five transactions read the forged object, and each of them counts.
             assert_eq!(verdict.figures.faults.invalid_shown_valid, 5);
         }
     }
@@ -266,7 +263,7 @@ fn a_repeated_frame_that_is_shown_again_is_out_of_sequence() {
             run.assert_flawless();
             let objects = if n < 5 { 0..=n } else { 3 * frame..=3 * frame + 2 };
             let profile = run.profile(20);
-            // Images after the repeated or missing frame still show cycle 20.
+            // Images still show cycle 20 after its repetition, or after a missing frame.
             let again = |images: &mut Vec<Image>| {
                 for image in images.iter_mut().filter(|it| (run.end(20) + 8 * MS..run.end(24)).contains(&it.at)) {
                     for index in objects.clone() {
@@ -389,13 +386,11 @@ fn recovery_counts_from_the_end_of_the_last_cause() {
         run.verdict(|_| {}).figures.faults.max_recovery_cycles
     };
     assert_eq!(with(vec![], 0..0), None);
-    // Cycle 20's frame begins at 220.34 ms and is readable at 225.228 ms. The next transaction begins at 226 ms.
     assert_eq!(with(vec![fault(200 * MS, 220 * MS)], 0..0), Some(1));
     assert_eq!(with(vec![fault(200 * MS, 216 * MS)], 0..0), Some(1));
     assert_eq!(with(vec![fault(200 * MS, 215_999 * US)], 0..0), Some(2));
     assert_eq!(with(vec![fault(200 * MS, 220_400 * US)], 0..0), Some(2));
     assert_eq!(with(vec![fault(200 * MS, 220 * MS)], 20..25), Some(6));
-    // In the first run two faults overlap; in the second, one fault follows the other.
     assert_eq!(with(vec![fault(200 * MS, 270 * MS), fault(220 * MS, 230 * MS)], 20..25), Some(1));
     assert_eq!(with(vec![fault(220 * MS, 220 * MS), fault(260 * MS, 260 * MS)], 20..25), Some(2));
     // A fault that ends in the last 400 ms of the run, or that never ends, is not measured.
@@ -439,7 +434,7 @@ fn the_end_of_the_last_valid_position_is_reported() {
 
 #[test]
 fn whatever_happens_to_any_frames_a_dpr_that_does_right_breaks_nothing() {
-    // With the first seeds an earlier version of the judge reported violations that did not exist.
+    // An earlier version of the judge reported false violations with the first of these seeds.
     for seed in [27, 480, 552, 2148, 2192, 2207, 2261].into_iter().chain(0..24_u64) {
         // The generator is linear congruential (Knuth, MMIX).
         let mut state = seed;
