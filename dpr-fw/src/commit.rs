@@ -144,13 +144,16 @@ impl<const N: usize> Commit<N> {
             verdict.accepted = Objects::NONE;
         }
 
+        // Not covered: the commit task runs at the deadline itself, so a frame that ends later finds it handled.
         let mut published = u32::from(self.lapse(frame.ended_us, health, images));
         self.link.missed(self.monitor.frame(verdict.frame(), verdict.sampled_us, frame.ended_us));
         let first = verdict.frame() == 0;
         let last = verdict.place.first() + verdict.place.count() == Self::OBJECTS;
+        // Not covered: a cycle of three receivers has one frame; only that of five has two.
         if let Some(sampled_us) = self.open {
             let other_slot = first || !same_sample(sampled_us, verdict.sampled_us);
             let other_cycle = matches!(verdict.cycle, Cycle::Next(_)) && self.shown != Objects::NONE;
+            // Not covered: a cycle of three receivers has one frame; only that of five has two.
             if other_slot || other_cycle {
                 // The image of the previous cycle gets the Link-Status of that cycle, so it is published before the new
                 // frame counts.
@@ -195,6 +198,8 @@ impl<const N: usize> Commit<N> {
     ///   brings the next image, or else its deadline does, 2.7 ms later.
     pub fn withdraw(&mut self, now_us: u32, health: &Health, images: &mut impl Images) -> bool {
         self.link.advance(now_us);
+        // Not covered: a cycle of three receivers has one frame; only that of five has two. So no image with objects
+        // waits for more.
         if self.open.is_some() || self.shown != Objects::NONE || self.monitor.is_frame_due(now_us) {
             return false;
         }

@@ -171,6 +171,7 @@ impl<const N: usize> ImageCheck<N> {
     }
 
     fn look(object: usize, generation: u32, shown: &impl Shown) -> Found {
+        // Not covered: the number of an object is always below the number of objects, so each has a place.
         let Some(place) = Self::place(object) else { return Found::Unknown };
         if generation == 0 {
             return Found::Unknown;

@@ -155,6 +155,7 @@ impl<const N: usize> Monitor<N> {
         let frame = frame as u32;
         let missed = self.last.map_or(0, |last| {
             let apart_us = sampled_us.wrapping_sub(last.sampled_us).cast_signed().max(0);
+            // Not covered: no two frames are an hour apart in these runs.
             let apart_us = u32::try_from(apart_us).unwrap_or(u32::MAX).saturating_add(Self::CYCLE_US / 2);
             let slots = apart_us / Self::CYCLE_US * Self::FRAMES + frame;
             slots.saturating_sub(last.frame + 1).saturating_sub(self.counted)
@@ -199,11 +200,14 @@ impl<const N: usize> Monitor<N> {
             return None;
         }
         let mut missed = 0;
+        // Not covered: a cycle of three receivers has one frame; only that of five has two.
         if self.due == Due::Second {
             missed = 1;
             self.due = Due::First;
             self.deadline_us = self.deadline_us.wrapping_add(FRAME_DEADLINE_US - SECOND_FRAME_US);
         }
+        // Not covered: a cycle of three receivers has one frame; only that of five has two. So a deadline that has
+        // passed is that of a cycle.
         let silent = self.has_lapsed(now_us);
         if silent {
             // A passed deadline counts as one missed frame or cycle. Each further period that has passed counts as

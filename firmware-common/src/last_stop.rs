@@ -329,6 +329,7 @@ static CODE: AtomicU32 = AtomicU32::new(0);
 
 /// Records `stop` if it is the first since the start.
 pub fn note(stop: &Stop) {
+    // Not covered: a second try of the exclusive access, since interrupts are masked here; or a second stop.
     if NOTED.swap(true, Ordering::Relaxed) {
         return;
     }
@@ -355,6 +356,7 @@ fn record(words: &[u32; WORDS]) {
 pub fn take() -> Option<Stop> {
     let mut words = [0; WORDS];
     for (to, from) in words.iter_mut().zip(&RECORD) {
+        // Not covered: a second try of the exclusive access, since no task interrupts the start.
         *to = from.swap(0, Ordering::Relaxed);
     }
     let stop = Stop::from_words(&words);

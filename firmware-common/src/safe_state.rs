@@ -34,17 +34,31 @@ mod imp {
     /// Enters the safe state by `enter`, then records and logs the stop that `stop` returns, and waits for the
     /// watchdog. `stop` may take long. Only the first stop is logged, and none while another message is being written.
     pub fn enter(enter: fn(), stop: impl FnOnce() -> Stop, log: impl FnOnce(&Stop)) -> ! {
-        cortex_m::interrupt::disable();
-        mpu::off();
-        enter();
+        begin(enter);
         let stop = stop();
-        last_stop::note(&stop);
-        if !LOGGED.swap(true, Ordering::Relaxed) && !log_section::is_interrupted() {
+        // Not covered: few stops interrupt the logger or another stop's log, which are those that are not logged.
+        if note(&stop) {
             log(&stop);
         }
         loop {
             compiler_fence(Ordering::SeqCst);
         }
+    }
+
+    /// Masks all interrupts, and enters the board's safe state. This and [`note`] are in the image once, not once for
+    /// each cause, so that a stop for any cause executes them.
+    #[inline(never)]
+    fn begin(enter: fn()) {
+        cortex_m::interrupt::disable();
+        mpu::off();
+        enter();
+    }
+
+    /// Records the stop, and returns whether it is to be logged.
+    #[inline(never)]
+    fn note(stop: &Stop) -> bool {
+        last_stop::note(stop);
+        !LOGGED.swap(true, Ordering::Relaxed) && !log_section::is_interrupted()
     }
 
     /// Enables the separate handlers of MemManage, BusFault and UsageFault, so that a fault in the safe state is a
@@ -59,6 +73,7 @@ mod imp {
     ///
     /// The number is read from the interrupt controller, since the stacked frame may be missing.
     #[must_use]
+    #[inline(never)]
     pub fn active_exception() -> u16 {
         /// The number of words of interrupt bits: STM32F429 has the most interrupts, 91 (RM0090, "vector table").
         const WORDS: usize = 3;

@@ -171,6 +171,7 @@ mod app {
                 continue;
             }
             if CHECK_IN.complete() {
+                // Not covered: a watchdog that other code has configured, as a bootloader could.
                 if let Some(watchdog) = cx.local.watchdog.as_mut() {
                     watchdog.pet();
                 }

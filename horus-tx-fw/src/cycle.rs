@@ -115,6 +115,7 @@ impl<const N: usize> Cycle<N> {
     /// tick.
     #[must_use]
     pub fn has_voted_for(&self, tick: u32) -> bool {
+        // Not covered: only a flipped bit of the count of ticks leaves a vote out, and few upsets hit it.
         self.voted.is_none_or(|(of, _)| of == tick)
     }
 
@@ -127,6 +128,8 @@ impl<const N: usize> Cycle<N> {
     /// Returns the sealed profile of tick `tick`: the receivers' latest messages, and that tick's vote.
     pub fn fill<S: Borrow<Solution>>(&self, tick: u32, solutions: &[S; N]) -> Profile<N> {
         let now = timestamp(tick);
+        // Not covered: the step that votes for this tick runs before this one, or HORUS stops because of the order of
+        // its steps.
         let reported = match self.voted {
             Some((of, reported)) if of == tick => reported,
             _ => ReportedPosition::seal(&self.reported_values(&Verdict::NONE, now)),

@@ -89,6 +89,7 @@ impl Stamp {
     }
 
     fn expire(&mut self, now: u32) {
+        // Not covered: no run lasts for the minute after which a time stamp is dropped.
         if !self.within(now, FORGOTTEN_MS) {
             *self = Self::default();
         }
@@ -334,6 +335,7 @@ impl Receiver {
             self.counts.bytes = self.counts.bytes.wrapping_add(bytes.len() as u32);
             self.parse(bytes, now);
         } else if !self.parser.is_buffer_empty() && !self.spoke.within(now, GAP_MS) {
+            // Not covered: a buffer has bytes only after the line has spoken.
             let then = if self.spoke.happened { self.spoke.at } else { now };
             self.parse(&[0xFF; BYTES_PER_CALL], then);
         }
@@ -402,6 +404,7 @@ impl Solution {
     fn has_expired(&self, now: u32) -> bool {
         let stamps =
             [self.last_heard, self.position.pace.arrived, self.attitude.pace.arrived, self.acceleration.pace.arrived];
+        // Not covered: no run lasts for the minute after which a time stamp is dropped.
         stamps.iter().any(|stamp| stamp.happened && !stamp.within(now, FORGOTTEN_MS))
     }
 
@@ -488,6 +491,7 @@ const Z_ACCEL_VALID: u32 = 1 << 13;
 
 /// Returns an angle of NAV-ATT in rad; NaN if its accuracy is zero, which means that the angle is not available.
 fn angle(e5_degrees: i32, accuracy: u32) -> f32 {
+    // Not covered: no receiver of these runs states an angle without its accuracy.
     if accuracy == 0 {
         ABSENT_F32
     } else {
@@ -497,6 +501,7 @@ fn angle(e5_degrees: i32, accuracy: u32) -> f32 {
 
 /// Returns an acceleration of ESF-INS (1e-2 m/s²) in m/s²; NaN if it is not flagged valid.
 fn axis(centimetres: i32, valid: u32) -> f32 {
+    // Not covered: no receiver of these runs marks an acceleration as invalid.
     if valid == 0 {
         ABSENT_F32
     } else {

@@ -57,6 +57,7 @@ impl Ticket {
     #[must_use]
     pub const fn due(self, tick: u32, frame: usize) -> Option<u8> {
         let command = (self.0 & 0xFF) as u8;
+        // Not covered: with one frame in a cycle, a ticket is for the slot that comes, or there is none.
         if command != 0 && self.0 == Self::new(tick, frame, command).0 {
             Some(command)
         } else {
@@ -136,12 +137,14 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
     /// Returns false, and takes nothing, while an earlier cycle's frame is being loaded or has just been fired, because
     /// that frame's bytes must not change. This cycle's slot is lost then.
     pub fn offer(&mut self, tick: u32, profile: &Profile<RECEIVERS>) -> bool {
+        // Not covered: a load ends and an armed frame's slot passes before the next cycle's profile is offered.
         let kept = match self.turn {
             Turn::Executor => self.executor.is_loading(),
             // A ticket that cannot be taken back has already fired its frame.
             Turn::Slot => !self.executor.port().disarm(),
             Turn::Cycle => false,
         };
+        // Not covered: no frame is under way when a profile is offered, as above.
         if kept {
             self.next = FRAMES;
             return false;
@@ -149,6 +152,7 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
         self.executor.port().deposit(profile);
         self.tick = tick;
         self.next = 0;
+        // Not covered: as above, the turn is the executor's or the cycle's when a profile is offered.
         let event = match self.turn {
             Turn::Executor => None,
             Turn::Cycle => self.prepared(),
@@ -174,6 +178,7 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
                 self.serve(event);
             }
             // The loaded frame was meant for another slot, so it is dropped, and the next frame follows.
+            // Not covered: a frame is armed only for the next slot, which fires it.
             (None, Turn::Slot) if self.sending != (self.tick, self.next) => {
                 self.executor.port().disarm();
                 let event = self.executor.resume();
@@ -201,12 +206,15 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
         let length = payload(self.prepared);
         // A state machine that refuses the frame gets the input of a failed transfer, which it reports and recovers
         // from.
+        // Not covered: the machine refuses neither a frame's length nor a preparation between two frames.
         self.executor.go_on(|poller| poller.prepare(length).unwrap_or_else(|_| poller.step(Input::Failed)))
     }
 
     /// Starts the load of the next frame. To be called when the chip is prepared for a frame; does nothing if there is
     /// none to send.
     fn prepared(&mut self) -> Option<PollerEvent> {
+        // Not covered: a cycle of three receivers has one frame; only that of five has two. So the chip is always
+        // prepared for the frame that comes next.
         if self.prepared != self.next {
             return self.prepare();
         }
@@ -233,6 +241,8 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
                     self.turn = Turn::Cycle;
                     return;
                 }
+                // Not covered: with three receivers the chip is prepared before its cycle begins, in which no frame is
+                // due.
                 PollerEvent::Prepared => self.prepared(),
                 PollerEvent::Loaded if self.sending == (self.tick, self.next) => {
                     self.turn = Turn::Slot;

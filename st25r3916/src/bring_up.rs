@@ -82,10 +82,12 @@ pub(crate) enum Role {
 impl Role {
     /// The values of registers 02, 03 and 04 (operation control, mode, bit rate) while the chip operates.
     pub(crate) const fn configuration(self) -> [u8; 3] {
+        // Not covered: other roles than that of the image's own chip; so also below.
         let [mode, rate] = match self {
             Self::Poller(_) | Self::Exchange => POLLER_MODE,
             Self::Listener | Self::Answerer => LISTENER_MODE,
         };
+        // Not covered: other roles.
         let operation = match self {
             Self::Poller(ReceiverMode::Off) => reg::OP_EN | reg::OP_TX_EN,
             Self::Poller(ReceiverMode::OnMasked) | Self::Exchange => reg::OP_EN | reg::OP_RX_EN | reg::OP_TX_EN,
@@ -106,6 +108,7 @@ impl Role {
 
     /// The settings that are written in this role before the chip goes on air, in order.
     const fn settings(self, variant: Variant) -> &'static [Setting] {
+        // Not covered: other roles.
         match (self, variant) {
             (Self::Poller(_), Variant::A) => &POLLER_A,
             (Self::Poller(_), Variant::B) => &POLLER_B,
@@ -140,6 +143,7 @@ impl Setting {
     fn access(self, mode: u8, rest: &[u8]) -> Short {
         let head = [command::SPACE_B, mode | self.address];
         let from = usize::from(!self.in_space_b);
+        // Not covered: the default, since `from` is 0 or 1.
         Short::of(head.get(from..).unwrap_or(&head), rest)
     }
 
@@ -149,6 +153,7 @@ impl Setting {
 
     fn read(self) -> Short {
         const ZEROS: [u8; Short::MAX] = [0; Short::MAX];
+        // Not covered: the default, since no setting is longer than a transfer.
         self.access(command::READ, ZEROS.get(..self.values.len()).unwrap_or(&ZEROS))
     }
 
@@ -161,9 +166,11 @@ impl Setting {
 }
 
 fn check(address: u8, set: &[u8], found: &[u8]) -> Result<(), Fault> {
+    // Not covered: another length, since a response is as long as its transfer.
     if set.len() != found.len() {
         return Err(Fault::Bus);
     }
+    // Not covered: a wrong value at each place of each setting, for which the compiler has made copies.
     match (address..).zip(set.iter().zip(found)).find(|(_, (expected, found))| expected != found) {
         None => Ok(()),
         Some((address, (&expected, &found))) => Err(Fault::Register { address, expected, found }),
@@ -607,6 +614,7 @@ impl BringUp {
 
     /// The IO configuration for the measured supply, or for 5 V before the measurement.
     fn io(&self) -> Setting {
+        // Not covered: a supply of 3 V, since each board supplies its chips from 5 V.
         match self.supply_mv {
             Some(millivolts) if millivolts < SUPPLY_5V_MV => IO_3V,
             _ => IO_5V,
@@ -668,6 +676,7 @@ impl BringUp {
     }
 
     fn setting(&self, variant: Variant, index: u8) -> Option<Setting> {
+        // Not covered: other roles, for each of which the compiler has made a copy of this access.
         self.role.settings(variant).get(usize::from(index)).copied()
     }
 
@@ -696,6 +705,7 @@ impl BringUp {
     fn operate(&self) -> Operation {
         let [operation, ..] = self.role.configuration();
         let on = Short::new([command::WRITE | reg::OPERATION_CONTROL, operation]);
+        // Not covered: other roles.
         match (self.index, self.role) {
             (0, _) => Operation::Send(on),
             (1, Role::Poller(ReceiverMode::Off)) => Operation::Skip,

@@ -177,6 +177,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
                 let input = self.port.response().map_or(Input::Failed, Input::Done);
                 self.machine.step(input)
             }
+            // Not covered: no SPI of the bench hangs, so each transfer ends in time.
             Waiting::Transfer if self.port.elapsed() => {
                 self.loading = false;
                 self.reading_to = None;
@@ -185,6 +186,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
             }
             Waiting::IrqOrTime if self.port.irq_is_high() => self.machine.step(Input::Irq),
             Waiting::IrqOrTime | Waiting::Time if self.port.elapsed() => self.machine.step(Input::Timeout),
+            // Not covered: the transmitter's executor never resumes later.
             Waiting::Later if self.port.elapsed() => self.machine.step(Input::Start),
             Waiting::Later | Waiting::Transfer | Waiting::IrqOrTime | Waiting::Time | Waiting::Owner => return None,
         };
@@ -239,6 +241,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
                 }
             };
         }
+        // Not covered: the machines take two steps at most before they wait, so the bound of steps is never reached.
         self.wait(Waiting::Time, PAUSE_US);
         None
     }

@@ -35,6 +35,7 @@ impl Short {
     /// Returns a transfer of `head`, then `rest`: together at most [`Short::MAX`] bytes, further bytes are not sent.
     pub(crate) fn of(head: &[u8], rest: &[u8]) -> Self {
         let mut short = Self { bytes: [0; Self::MAX], len: 0 };
+        // Not covered: transfers that do not fit, and lengths that no setting has.
         for (slot, byte) in short.bytes.iter_mut().zip(head.iter().chain(rest)) {
             *slot = *byte;
             short.len += 1;

@@ -36,8 +36,8 @@ pub struct Hold {
     pub front_end: FrontEnd,
     /// The payload: box, vibration and sensors.
     pub payload: Payload,
-    /// The level of SDA that the microcontroller received last; `None` at the beginning.
-    sda: Option<bool>,
+    /// The levels of SCL and SDA that the microcontroller received last; `None` at the beginning.
+    lines: [Option<bool>; 2],
     outputs: Outputs,
     locked: Vec<(u64, bool)>,
 }
@@ -49,7 +49,7 @@ impl Hold {
         Self {
             front_end: FrontEnd::new(chip, NRF_FRONT_END, false),
             payload: Payload::new(seed),
-            sda: None,
+            lines: [None; 2],
             outputs: Outputs::default(),
             locked: vec![],
         }
@@ -82,6 +82,7 @@ impl Board for Hold {
                 }
                 return;
             }
+            SCL => return self.payload.clock(pad != Pad::Driven(false)),
             _ => return self.front_end.pin(at, pin, pad),
         }
         self.payload.climate.switch(at, self.outputs.heater, self.outputs.cooler);
@@ -100,12 +101,10 @@ impl Board for Hold {
     }
 
     fn settle(&mut self, at: u64, inputs: &mut Vec<Input>) {
-        if self.sda.is_none() {
-            inputs.push(Input::Level(SCL, Some(true)));
-        }
-        let sda = !self.payload.holds_sda();
-        if self.sda.replace(sda) != Some(sda) {
-            inputs.push(Input::Level(SDA, Some(sda)));
+        for ((pin, low), last) in [SCL, SDA].into_iter().zip(self.payload.holds()).zip(&mut self.lines) {
+            if last.replace(!low) != Some(!low) {
+                inputs.push(Input::Level(pin, Some(!low)));
+            }
         }
         self.front_end.settle(at, inputs);
     }

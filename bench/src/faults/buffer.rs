@@ -16,6 +16,8 @@ pub enum Buffers {
     Receive,
     /// The DPR's buffers for images, which the SSI reads.
     Image,
+    /// The DPR's buffers for what the flight controller writes.
+    Written,
 }
 
 impl Buffers {
@@ -23,6 +25,7 @@ impl Buffers {
         match self {
             Self::Receive => "__rtic_internal_local_init_receive",
             Self::Image => "__rtic_internal_local_init_images",
+            Self::Written => "__rtic_internal_local_init_ssi_rx",
         }
     }
 }
@@ -43,8 +46,10 @@ impl BufferFault {
         match self {
             Self::Flips(Buffers::Receive, _) => "receive bit flips",
             Self::Flips(Buffers::Image, _) => "image bit flips",
+            Self::Flips(Buffers::Written, _) => "written bit flips",
             Self::Stuck(Buffers::Receive, ..) => "receive bit stuck",
             Self::Stuck(Buffers::Image, ..) => "image bit stuck",
+            Self::Stuck(Buffers::Written, ..) => "written bit stuck",
         }
     }
 
@@ -54,6 +59,7 @@ impl BufferFault {
         match self {
             Self::Flips(Buffers::Receive, _) | Self::Stuck(Buffers::Receive, ..) => Memory::Receive,
             Self::Flips(Buffers::Image, _) | Self::Stuck(Buffers::Image, ..) => Memory::Images,
+            Self::Flips(Buffers::Written, _) | Self::Stuck(Buffers::Written, ..) => Memory::Ram,
         }
     }
 

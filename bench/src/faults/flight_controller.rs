@@ -36,6 +36,9 @@ pub enum Conduct {
     Lies,
     /// The flight controller reads the whole image in each control cycle and always sends the same uplink object.
     ReplaysUplink,
+    /// The flight controller writes a request or an object in each control cycle: in turn every one that the DPR must
+    /// refuse, and every order of timestamps.
+    WritesEach,
     /// The flight controller makes no transaction.
     Silent,
     /// Chip select falls and rises once in this period (ns) without a clock, and is low for half of it.
@@ -51,7 +54,7 @@ pub enum Conduct {
 }
 
 impl Conduct {
-    /// All kinds of misuse except [`Self::Edges`] and [`Self::Every`], which have parameters.
+    /// All kinds of misuse except [`Self::WritesEach`], and [`Self::Edges`] and [`Self::Every`], which have parameters.
     pub const ALL: [Self; 15] = [
         Self::Hammers,
         Self::ZeroBytes,
@@ -89,6 +92,7 @@ impl Conduct {
             Self::RandomBytes => "random bytes",
             Self::Lies => "lies",
             Self::ReplaysUplink => "replays uplink",
+            Self::WritesEach => "writes each object",
             Self::Silent => "silent",
             Self::Edges(_) => "edges of chip select",
             Self::Every { .. } => "transactions at a rate",

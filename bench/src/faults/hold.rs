@@ -4,6 +4,7 @@ use bench_judge::Disturbance;
 use bench_judge::disturbance::{HoldPart, Wire};
 use st25r3916_model::{AirEvent, AirFaults, Chunk, ForeignCard, FrameStart, Technology, nfc_f};
 
+use super::hold_board::{HoldBoardFault, SensorFault};
 use super::{PowerFault, Rng};
 
 /// One millisecond, ns.
@@ -75,6 +76,10 @@ pub enum HoldFault {
     Lies(Sensor, u64),
     /// SDA of the sensors' bus stays low.
     BusStuck,
+    /// A fault of the board, which is not drawn.
+    Board(HoldBoardFault),
+    /// A fault of the sensors or of what they measure, which is not drawn.
+    Sensors(SensorFault),
     /// Each pair of antennas at the DPR also receives what is meant for the other pair.
     Crosstalk,
     /// The run deviates from its log.
@@ -134,6 +139,8 @@ impl HoldFault {
             Self::Silent(sensor) => format!("{} sensor silent", format!("{sensor:?}").to_lowercase()),
             Self::Lies(sensor, _) => format!("{} sensor lies", format!("{sensor:?}").to_lowercase()),
             Self::BusStuck => "bus stuck".into(),
+            Self::Board(fault) => fault.name(),
+            Self::Sensors(fault) => fault.name(),
             Self::Crosstalk => "crosstalk".into(),
             Self::Broken(what) => format!("{what:?}").to_lowercase(),
             Self::Constant { of, value } => format!("{value:#x} for {of:#x}"),
@@ -146,8 +153,10 @@ impl HoldFault {
         match self {
             Self::Crosstalk => Disturbance::Crosstalk,
             Self::Broken(_) | Self::Constant { .. } => Disturbance::Wire { wire: Wire::Hold },
-            Self::Power(_) | Self::Hang => Disturbance::Hold { part: HoldPart::Board },
-            Self::Silent(_) | Self::Lies(..) | Self::BusStuck => Disturbance::Hold { part: HoldPart::Sensors },
+            Self::Power(_) | Self::Hang | Self::Board(_) => Disturbance::Hold { part: HoldPart::Board },
+            Self::Silent(_) | Self::Lies(..) | Self::BusStuck | Self::Sensors(_) => {
+                Disturbance::Hold { part: HoldPart::Sensors }
+            }
             Self::Frames(_) | Self::Answers(_) | Self::Foreign(_) | Self::Hostile(..) => {
                 Disturbance::Hold { part: HoldPart::Air }
             }

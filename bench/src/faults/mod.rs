@@ -19,7 +19,7 @@
 //! | [`Fault::DeadTask`] | a task of a board, whose interrupt is off while the rest runs | the core |
 //! | [`upset`] | a bit of RAM, flash or a register | the part's memory, its peripherals, the core |
 //! | [`Fault::Drift`] | the oscillators of a microcontroller, which run faster or slower | the part's clocks |
-//! | [`hold`] | the active hold, its sensors, and the air between it and the DPR | beside the DPR |
+//! | [`hold`], [`hold_board`] | the active hold, its sensors, and the air between it and the DPR | beside the DPR |
 //! | [`image`] | instructions of a firmware in flash, or its variables | the image, before the run or in mid-run |
 //!
 //! [`plan`] draws episodes from a seed. Upsets are not drawn into a run, because [`crate::campaign`] tries each of them
@@ -41,6 +41,7 @@ pub mod chip;
 pub mod flight_controller;
 pub mod front_end;
 pub mod hold;
+pub mod hold_board;
 pub mod image;
 pub mod plan;
 pub mod power;
@@ -61,6 +62,7 @@ use emulator_part::Part;
 pub use flight_controller::Conduct;
 pub use front_end::{Emission, FrontEndFault};
 pub use hold::HoldFault;
+pub use hold_board::{HoldBoardFault, SensorFault};
 pub use image::ImageFault;
 use nrf52840::Nrf52840;
 pub use plan::{Kind, UnknownKind};

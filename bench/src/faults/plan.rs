@@ -264,6 +264,25 @@ impl Faults {
         faults
     }
 
+    /// Returns every fault of `kind` for a link with `gps` receivers, one after the other, the first at `at` (ns), each
+    /// for `length` ns with a pause of `pause` ns behind it; and the end of the last pause, ns. `rng` draws what a fault
+    /// leaves open. What occurs once, such as a restart, takes no more than the pause.
+    #[must_use]
+    pub fn in_turn(kind: Kind, gps: usize, rng: &mut Rng, at: u64, [length, pause]: [u64; 2]) -> (Self, u64) {
+        let (mut faults, mut at) = (Self::none(), at);
+        for draw in all_of(kind, gps, rng) {
+            let mut end = at;
+            for (after, fault) in draw {
+                let begins = at + after;
+                let until = if lasts(&fault) { begins + length } else { begins };
+                end = end.max(until);
+                faults.add(Episode { at: begins, until, fault });
+            }
+            at = end + pause;
+        }
+        (faults, at)
+    }
+
     /// Removes each hang that begins before the watchdog of a restarted board runs, because nothing would end the hang.
     fn without_hangs_in_starts(&mut self) {
         for board in BOARDS {
@@ -819,6 +838,15 @@ mod tests {
             .filter_map(|episode| if let Fault::Receiver(receiver, _) = episode.fault { Some(receiver) } else { None })
             .collect();
         assert_eq!(hit.into_iter().collect::<Vec<_>>(), [0, 1, 2]);
+    }
+
+    #[test]
+    fn the_faults_in_turn_are_all_of_a_kind_one_after_the_other() {
+        let (faults, end) = Faults::in_turn(Kind::Inputs, 3, &mut Rng::new(1), 1_000, [20, 10]);
+        let all = all_of(Kind::Inputs, 3, &mut Rng::new(1)).len();
+        assert!(all > 1);
+        assert_eq!((faults.episodes().len(), end), (all, 1_000 + 30 * all as u64));
+        assert!(faults.episodes().windows(2).all(|pair| pair[1].at == pair[0].until + 10));
     }
 
     #[test]

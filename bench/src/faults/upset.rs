@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use bench_judge::disturbance::Memory;
 use cortex_m4::{Cost, Register};
+use emulator_part::{Part, StuckBit};
 
 use super::{Kind, Rng};
 use emulator_node::{Board, Error, Node};
@@ -17,6 +18,16 @@ pub enum Upset {
         address: u32,
         /// The bit's number, 0 to 7.
         bit: u8,
+    },
+    /// A bit of RAM that reads this value from now on, even after a write of the other value. It releases any bit that
+    /// was stuck before.
+    Stuck {
+        /// The byte's address.
+        address: u32,
+        /// The bit's number, 0 to 7.
+        bit: u8,
+        /// The value that the bit reads.
+        value: bool,
     },
     /// A bit of flash.
     Flash {
@@ -83,7 +94,7 @@ impl Upset {
     #[must_use]
     pub const fn name(&self) -> &'static str {
         match self {
-            Self::Ram { .. } => "ram",
+            Self::Ram { .. } | Self::Stuck { .. } => "ram",
             Self::Flash { .. } => "flash",
             Self::Register { .. } => "register",
             Self::Peripheral { .. } => "peripheral",
@@ -94,7 +105,7 @@ impl Upset {
     #[must_use]
     pub const fn memory(&self) -> Memory {
         match self {
-            Self::Ram { .. } => Memory::Ram,
+            Self::Ram { .. } | Self::Stuck { .. } => Memory::Ram,
             Self::Flash { .. } => Memory::Flash,
             Self::Register { .. } => Memory::Registers,
             Self::Peripheral { .. } => Memory::Peripherals,
@@ -105,7 +116,7 @@ impl Upset {
     #[must_use]
     pub const fn kind(&self) -> Kind {
         match self {
-            Self::Ram { .. } => Kind::Ram,
+            Self::Ram { .. } | Self::Stuck { .. } => Kind::Ram,
             Self::Flash { .. } => Kind::Flash,
             Self::Register { .. } => Kind::Registers,
             Self::Peripheral { .. } => Kind::Peripherals,
@@ -171,6 +182,11 @@ impl Upset {
                 node.read(u64::from(address), &mut byte)?;
                 node.write(u64::from(address), &[byte[0] ^ 1 << (bit & 7)])
             }
+            Self::Stuck { address, bit, value } => {
+                let stuck = Some(StuckBit { address, bit, value });
+                let has = node.input(|part, _, _| part.stick(stuck));
+                if has { Ok(()) } else { Err(Error::NotMemory { address: u64::from(address), length: 1 }) }
+            }
             Self::Register { number, bit } => {
                 let (register, _) = CORE_REGISTERS[usize::from(number) % CORE_REGISTERS.len()];
                 node.set_core_register(register, node.core_register(register) ^ 1 << (bit & 31));
@@ -192,6 +208,9 @@ impl std::fmt::Display for Upset {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Ram { address, bit } => write!(f, "RAM {address:#010x} bit {bit}"),
+            Self::Stuck { address, bit, value } => {
+                write!(f, "RAM {address:#010x} bit {bit} stuck at {}", u8::from(*value))
+            }
             Self::Flash { address, bit } => write!(f, "flash {address:#010x} bit {bit}"),
             Self::Register { number, bit } => match CORE_REGISTERS[usize::from(*number) % CORE_REGISTERS.len()].0 {
                 Register::R(13) => write!(f, "SP bit {bit}"),
@@ -306,6 +325,18 @@ mod tests {
             upset.apply(&mut node).unwrap();
             assert_eq!(byte(&node, address), before);
         }
+    }
+
+    #[test]
+    fn a_stuck_bit_reads_its_value_at_once_and_only_ram_has_one() {
+        let mut node = node();
+        let address = 0x2000_0123;
+        for value in [true, false] {
+            Upset::Stuck { address, bit: 6, value }.apply(&mut node).unwrap();
+            assert_eq!(byte(&node, u64::from(address)) >> 6 & 1 == 1, value);
+        }
+        let nowhere = Upset::Stuck { address: 0x1FFF_FFFF, bit: 6, value: true };
+        assert!(matches!(nowhere.apply(&mut node), Err(Error::NotMemory { .. })));
     }
 
     #[test]

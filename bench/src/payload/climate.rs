@@ -86,6 +86,12 @@ impl Climate {
         (self.heats, self.cools) = (heats, cools);
     }
 
+    /// Makes the air in the box have this temperature, °C, from `at` (ns) on.
+    pub fn warm_to(&mut self, at: u64, celsius: f64) {
+        self.advance(at);
+        self.temperature = celsius;
+    }
+
     /// Returns temperature and humidity in the box at `at` (ns).
     pub fn air(&mut self, at: u64) -> Air {
         self.advance(at);

@@ -94,6 +94,7 @@ pub struct Lis3dh {
     /// For each axis, the sample of which one byte was read. BDU keeps that sample unchanged until its second byte is
     /// read.
     kept: [Option<[u8; 2]>; 3],
+    sample_byte: Option<bool>,
     misuse: Option<String>,
 }
 
@@ -116,6 +117,7 @@ impl Lis3dh {
             taken: 0,
             seen: [0; 3],
             kept: [None; 3],
+            sample_byte: None,
             misuse: None,
         };
         sensor.power_on(0);
@@ -136,6 +138,11 @@ impl Lis3dh {
         self.ready_at = at + BOOTS;
         (self.state, self.sampling, self.kept) = (State::Idle, None, [None; 3]);
         (self.fifo_from, self.taken, self.seen) = (0, 0, [0; 3]);
+    }
+
+    /// Whether the byte that was read last is the high or the low one of a sample; `None` if it is neither.
+    pub(super) fn sample_byte(&self) -> Option<bool> {
+        self.sample_byte
     }
 
     fn value(&self, register: u8) -> u8 {
@@ -175,6 +182,8 @@ impl Lis3dh {
                 if self.state != State::Read {
                     return I2cAnswer::NOBODY;
                 }
+                let is_high = !self.register.is_multiple_of(2);
+                self.sample_byte = OUT.contains(&self.register).then_some(is_high);
                 let data = self.load(at, self.register, vibration);
                 self.count_up();
                 if !acknowledged {

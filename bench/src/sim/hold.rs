@@ -25,6 +25,7 @@ use super::recorder::Recorder;
 use crate::boards::front_end::FrontEnd;
 use crate::boards::{Dpr, Hold};
 use crate::faults::hold::{Break, Impostor};
+use crate::faults::image::Repair;
 use crate::faults::{HoldFault, ImageFault};
 use crate::payload::Payload;
 use crate::report;
@@ -63,6 +64,8 @@ pub(super) struct Beside<C: Cost> {
     /// The last frames of HORUS, which a hostile sender may repeat.
     of_horus: Vec<Vec<u8>>,
     crosstalk: bool,
+    /// The original contents of memory, which are restored when a fault ends.
+    repairs: Vec<(HoldFault, Repair)>,
     broken: Option<Break>,
     /// Whether a frame of the hold is on the air.
     sending: bool,
@@ -86,6 +89,7 @@ impl<C: Cost> Beside<C> {
             impostor: None,
             of_horus: vec![],
             crosstalk: false,
+            repairs: vec![],
             broken: None,
             sending: false,
             restarts: 0,
@@ -264,6 +268,21 @@ impl<C: Cost> Beside<C> {
             HoldFault::Silent(sensor) => self.payload(|payload| payload.silence(begins.then_some(sensor))),
             HoldFault::Lies(sensor, seed) => self.payload(|payload| payload.make_lie(begins.then_some((sensor, seed)))),
             HoldFault::BusStuck => self.payload(|payload| payload.hold_sda(begins)),
+            HoldFault::Board(damage) => {
+                let done = if begins {
+                    let repair = damage.begin(&mut self.node);
+                    repair.map(|repair| self.repairs.push((*fault, repair)))
+                } else {
+                    damage.end(&mut self.node);
+                    let place = self.repairs.iter().position(|(of, _)| of == fault);
+                    place.map_or(Ok(()), |place| self.repairs.remove(place).1.mend(&mut self.node))
+                };
+                if let Err(error) = done {
+                    let text = format!("a fault could not be injected: {error}");
+                    recorder.note(from, What::Hold(HoldEvent::Finding { text }));
+                }
+            }
+            HoldFault::Sensors(fault) => self.payload(|payload| payload.turn(from, fault, begins)),
             HoldFault::Crosstalk => self.crosstalk = begins,
             HoldFault::Constant { of, value } => {
                 if begins && let Err(error) = (ImageFault::Constant { of, value }).apply(&mut self.node) {

@@ -130,6 +130,7 @@ impl Pace {
     /// Returns the number of slices due at `now_us`, and counts them as done. Calls must be less than 71 minutes apart.
     pub fn due(&mut self, now_us: u32) -> u32 {
         let due = now_us.wrapping_sub(self.last_us) / SLICE_US;
+        // Not covered: the idle loop is never 50 ms late, since all tasks together take less than a tenth of the time.
         if due > MOST_SLICES {
             self.last_us = now_us;
             return MOST_SLICES;
@@ -198,8 +199,11 @@ impl Patrol {
 
     fn flash(&mut self, memory: &impl Memory) -> Option<Comparison> {
         let Layout { program, shut_end, .. } = &self.layout;
+        // Not covered: no program ends near the end of the address space, so nothing saturates.
         let end = self.flash_at.saturating_add(4 * self.rate.flash_words).min(program.end);
+        // Not covered: a slice always has words, since a pass begins anew when its last word is read.
         let words = (self.flash_at..end).step_by(4);
+        // Not covered: a slice always has words, and HORUS denies no loads from flash.
         self.crc = profile::crc::frame_of_words_after(
             self.crc,
             words.map(|at| if at < *shut_end { memory.load_shut(at) } else { memory.load(at) }),
@@ -213,6 +217,7 @@ impl Patrol {
         Some(found)
     }
 
+    // Not covered: HORUS has no code in RAM, so the loop has no turns there; on the DPR it is covered.
     fn code(&mut self, memory: &impl Memory) -> Option<u32> {
         let Layout { code, code_load, .. } = &self.layout;
         let len = code.end - code.start;

@@ -102,6 +102,9 @@ impl Bus {
     }
 
     /// Sends bytes over the I2C bus, then receives bytes. One of the two may be empty.
+    ///
+    /// It is in the image once, not once for each access to a sensor, so that a fault of any access executes it.
+    #[inline(never)]
     fn run(&mut self, address: u8, send: &[u8], receive: &mut [u8]) -> Result<(), Error> {
         let Some(out) = self.memory.send.get_mut(..send.len()) else { return Err(Error::Unsupported) };
         out.copy_from_slice(send);
@@ -230,6 +233,7 @@ impl Lines for OpenDrains {
 pub(crate) struct Pause;
 
 impl DelayNs for Pause {
+    #[inline(never)]
     fn delay_ns(&mut self, ns: u32) {
         let from = now_us();
         // The µs counter may be about to advance, so one µs more is waited for.

@@ -216,6 +216,7 @@ impl<const N: usize> Voter<N> {
     #[must_use]
     pub const fn excluding(excluded: u8) -> Self {
         const { assert!(N >= 1 && N <= MOST_RECEIVERS, "HORUS carries one to five receivers") }
+        // Not covered: what was kept of the excluded receivers has check words, so the mask is plausible.
         let plausible = excluded >> N == 0 && 2 * excluded.count_ones() < N as u32;
         let excluded = if plausible { excluded } else { 0 };
         Self { last: 0, excluded, agreeing_since: [None; N], places: Hold::NEW, altitudes: Hold::NEW }

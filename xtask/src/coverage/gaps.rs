@@ -1,6 +1,6 @@
 //! What of an image was executed, and what was not.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::ops::AddAssign;
 
 use anyhow::{Result, ensure};
@@ -11,6 +11,7 @@ use super::image::{Image, Instruction};
 use super::part::Part;
 use super::paths::doomed;
 use super::source::{Origin, Place, Source};
+use super::twins;
 
 /// The path prefixes of the sources that decide.
 const DECIDING: [&str; 13] = [
@@ -91,6 +92,12 @@ pub(super) struct Counts {
     pub(super) blocks: Count,
 }
 
+impl Counts {
+    fn outcomes(&mut self, in_block: bool) -> &mut Count {
+        if in_block { &mut self.blocks } else { &mut self.branches }
+    }
+}
+
 impl AddAssign for Counts {
     fn add_assign(&mut self, other: Self) {
         self.instructions += other.instructions;
@@ -132,8 +139,12 @@ pub(super) struct Gap {
     pub(super) missing: Missing,
     /// The lines of this workspace, from the innermost to the outermost.
     pub(super) places: Vec<Place>,
+    /// The names of the functions that are inlined here.
+    pub(super) inlined: Vec<String>,
     /// The file of the innermost function if it is one of a library.
     pub(super) library: String,
+    /// What would be seen in addition without this gap.
+    pub(super) lost: Counts,
 }
 
 /// The coverage of one image.
@@ -170,35 +181,36 @@ pub(super) fn coverage(
     };
     let mut parts: BTreeMap<u32, Part> = image.code.iter().map(part_of).collect();
     follow(image, &mut parts);
+    let others = twins::others(image, origins, |address| record.seen(address).executed);
     let mut coverage = Coverage::default();
     for (&address, instruction) in &image.code {
         let (origin, part) = (&origins[&address], parts[&address]);
         let seen = record.seen(address);
         let counts = coverage.counts.entry(part).or_default();
         counts.instructions.add(seen.executed);
-        let mut missing = BTreeSet::new();
+        let mut missing: BTreeMap<Missing, Counts> = BTreeMap::new();
         if !seen.executed {
-            missing.insert(Missing::Execution);
+            missing.entry(Missing::Execution).or_default().instructions.seen += 1;
         }
         if let Some((outcomes, kinds)) = outcomes(instruction.flow, instruction.in_block, seen) {
             let next = address + instruction.size;
             let leads_to = [if let Flow::Either(target) = instruction.flow { target } else { next }, next];
             for ((outcome, kind), to) in outcomes.into_iter().zip(kinds).zip(leads_to) {
-                if instruction.in_block {
-                    counts.blocks.add(outcome);
-                } else if part == Part::Panic || !doomed.contains(&to) {
-                    counts.branches.add(outcome);
-                } else {
+                let is_counted = instruction.in_block || part == Part::Panic || !doomed.contains(&to);
+                if !is_counted {
                     continue;
                 }
-                if !outcome && seen.executed {
-                    missing.insert(kind);
+                counts.outcomes(instruction.in_block).add(outcome);
+                if !outcome {
+                    let kind = if seen.executed { kind } else { Missing::Execution };
+                    missing.entry(kind).or_default().outcomes(instruction.in_block).seen += 1;
                 }
             }
         }
-        let gap = |missing| {
-            let (places, library) = (origin.places.clone(), origin.library.clone());
-            Gap { address, function: instruction.function, part, missing, places, library }
+        let gap = |(missing, lost)| {
+            let Origin { places, mut inlined, library, .. } = origin.clone();
+            inlined.extend(others.contains(&address).then(|| twins::NAME.to_owned()));
+            Gap { address, function: instruction.function, part, missing, places, inlined, library, lost }
         };
         coverage.gaps.extend(missing.into_iter().map(gap));
     }

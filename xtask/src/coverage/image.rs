@@ -46,6 +46,12 @@ pub(super) struct Image {
     pub(super) code: BTreeMap<u32, Instruction>,
     /// The address of the program's CRC, 0 if the image has none.
     pub(super) program_crc: u32,
+    /// The address of the RAM that the firmware's test of RAM begins with, 0 if the image names none.
+    pub(super) ram: u32,
+    /// The address of a guard word, 0 if the image has none.
+    pub(super) guard: u32,
+    /// The end of the code that runs from RAM, 0 if the image has none.
+    pub(super) hot: u32,
     /// The functions whose address data or an instruction holds, so that a register may call them.
     pub(super) known: BTreeSet<u32>,
     /// The ELF file.
@@ -69,13 +75,16 @@ impl Image {
         }
         let mut marks = Vec::new();
         let mut functions = Vec::new();
-        let mut program_crc = 0;
+        let mut image = Self::default();
         for symbol in file.symbols() {
             let (Ok(name), address) = (symbol.name(), u32::try_from(symbol.address())?) else { continue };
             match name.split('.').next() {
                 Some("$t") => marks.push((address, true)),
                 Some("$d") => marks.push((address, false)),
-                Some("__program_crc") => program_crc = address,
+                Some("__program_crc") => image.program_crc = address,
+                Some("_stack_end") => image.ram = address,
+                Some("__guard_data") => image.guard = address,
+                Some("__ehot") => image.hot = address,
                 _ if symbol.kind() == SymbolKind::Text && symbol.size() > 0 => {
                     let (start, size) = (address & !1, u32::try_from(symbol.size())?);
                     let name = format!("{:#}", rustc_demangle::demangle(name));
@@ -87,7 +96,7 @@ impl Image {
         marks.sort_unstable();
         functions.sort_by(|a, b| (a.start, &a.name).cmp(&(b.start, &b.name)));
         functions.dedup_by_key(|function| function.start);
-        let mut image = Self { areas, functions, program_crc, ..Self::default() };
+        (image.areas, image.functions) = (areas, functions);
         image.decode(&marks);
         let loaded = [SectionKind::Text, SectionKind::Data, SectionKind::ReadOnlyData];
         for section in file.sections().filter(|section| loaded.contains(&section.kind())) {

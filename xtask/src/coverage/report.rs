@@ -5,7 +5,8 @@ use std::fmt::Write as _;
 
 use serde_json::{Value, json};
 
-use super::gaps::{Count, Counts, Coverage, Gap, Missing};
+use super::explained::{Explained, Gaps, TABLE};
+use super::gaps::{Count, Coverage, Gap, Missing};
 use super::image::Function;
 use super::part::Part;
 use super::source::Place;
@@ -20,19 +21,6 @@ pub(super) struct Measured {
     pub(super) lines: BTreeSet<Place>,
 }
 
-/// What the sources explain of all gaps.
-#[derive(Debug, Default)]
-pub(super) struct Explained {
-    /// For each part, the number of gaps, and how many of them are explained.
-    pub(super) parts: BTreeMap<Part, Count>,
-    /// The explained gaps, each by the number of its image and its address.
-    pub(super) gaps: BTreeSet<(usize, u32)>,
-    /// The number of gaps that need an explanation and have none.
-    pub(super) open: u64,
-    /// Explanations of lines that are covered.
-    pub(super) needless: Vec<Place>,
-}
-
 /// Each function with gaps that count, its lines, and what is missing there with the number of instructions. Gaps in
 /// libraries have no line.
 fn by_function<'a>(
@@ -41,7 +29,8 @@ fn by_function<'a>(
     explained: &Explained,
 ) -> BTreeMap<&'a str, BTreeMap<Option<&'a Place>, BTreeMap<Missing, usize>>> {
     let mut functions: BTreeMap<_, BTreeMap<_, BTreeMap<_, usize>>> = BTreeMap::new();
-    let is_open = |gap: &&Gap| Part::COUNTED.contains(&gap.part) && !explained.gaps.contains(&(image, gap.address));
+    let is_open =
+        |gap: &&Gap| Part::COUNTED.contains(&gap.part) && !explained.gaps.contains(&(image, gap.address, gap.missing));
     for gap in measured.coverage.gaps.iter().filter(is_open) {
         let lines = functions.entry(measured.functions[gap.function].name.as_str()).or_default();
         *lines.entry(gap.places.first()).or_default().entry(gap.missing).or_default() += 1;
@@ -49,7 +38,7 @@ fn by_function<'a>(
     functions
 }
 
-/// All gaps that no comment explains.
+/// All gaps that nothing explains.
 pub(super) fn text(all: &[Measured], explained: &Explained) -> String {
     let mut text = String::new();
     for (image, measured) in all.iter().enumerate() {
@@ -67,11 +56,25 @@ pub(super) fn text(all: &[Measured], explained: &Explained) -> String {
     text
 }
 
-/// The totals, and what is explained.
+/// The totals, what is explained, and what is open.
 pub(super) fn summary(all: &[Measured], explained: &Explained) -> String {
-    let mut text = table(all) + "\n| part | gaps | explained beside the code |\n|---|---|---|\n";
-    for (part, count) in &explained.parts {
-        let _ = writeln!(text, "| {} | {} | {} |", part.name(), count.all, count.seen);
+    let mut text = table(all, explained);
+    text += "\n| image | part | gaps | explained beside the code | explained in the table | open |\n\
+             |---|---|---|---|---|---|\n";
+    for (image, measured) in all.iter().enumerate() {
+        let mut row = |part: &str, gaps: Gaps| {
+            let Gaps { all, beside, by_table, .. } = gaps;
+            let open = all - beside - by_table;
+            let _ = writeln!(text, "| {} | {part} | {all} | {beside} | {by_table} | {open} |", measured.name);
+        };
+        row("without panics and log", explained.sum(image, |_| true));
+        for part in Part::COUNTED {
+            row(part.name(), explained.sum(image, |other| other == part));
+        }
+    }
+    let _ = writeln!(text, "\nThe table is `{TABLE}`:\n\n| function or source | gaps | reason |\n|---|---|---|");
+    for (reason, count) in &explained.reasons {
+        let _ = writeln!(text, "| `{}` | {count} | {} |", reason.code, reason.text);
     }
     text
 }
@@ -86,21 +89,24 @@ const NAMED: usize = 20;
 /// decides or has a deadline.
 pub(super) fn missing(all: &[Measured], explained: &Explained) -> String {
     let mut text = String::new();
-    for measured in all {
+    for (image, measured) in all.iter().enumerate() {
         let counts = measured.coverage.sum(|part| Part::COUNTED.contains(&part));
-        for ((what, least), count) in TARGETS.into_iter().zip([counts.instructions, counts.branches]) {
-            let name = &measured.name;
-            let percent = count.percent();
-            let _ = if percent < least {
-                writeln!(text, "- {name}: {percent:.1} % of {what}, {:.1} short of {least} %.", least - percent)
+        let known = explained.sum(image, |_| true).explained;
+        let counts = [(counts.instructions, known.instructions), (counts.branches, known.branches)];
+        for ((what, least), (count, known)) in TARGETS.into_iter().zip(counts) {
+            let (name, percent, either) = (&measured.name, count.percent(), with(count, known).percent());
+            let lacks = if percent < least {
+                format!("{:.1} short of {least} %", least - percent)
             } else {
-                writeln!(text, "- {name}: {percent:.1} % of {what}; the target of {least} % is met.")
+                format!("the target of {least} % is met")
             };
+            let _ = writeln!(text, "- {name}: {percent:.1} % of {what}, {lacks}; {either:.1} % covered or explained.");
         }
     }
     let mut sources: BTreeMap<&str, [u64; 2]> = BTreeMap::new();
     for (image, measured) in all.iter().enumerate() {
-        let open = |gap: &&Gap| gap.part.must_be_explained() && !explained.gaps.contains(&(image, gap.address));
+        let open =
+            |gap: &&Gap| gap.part.must_be_explained() && !explained.gaps.contains(&(image, gap.address, gap.missing));
         for gap in measured.coverage.gaps.iter().filter(open) {
             let Some(place) = gap.places.first() else { continue };
             sources.entry(&place.file).or_default()[usize::from(gap.missing != Missing::Execution)] += 1;
@@ -129,32 +135,46 @@ pub(super) fn page(command: &str, summary: &str, missing: &str) -> String {
          from it\nends in one; those, what formats the log, and functions of libraries that only these call, are \
          counted by themselves.\nA branch has two outcomes, without one that leads only to a panic; so has an \
          instruction in an IT block, which is\nskipped or not. What decides and what has a deadline: \
-         `xtask/src/coverage/gaps.rs`.\n\n## What is missing\n\n\
+         `xtask/src/coverage/gaps.rs`.\nCovered is what was executed. Beside it stands what was executed or is explained: by a comment beside the \
+         code, or\nfor code of libraries by a table.\n\n## What is missing\n\n\
          {missing}\n## Totals\n\n{summary}"
     )
 }
 
 /// The totals of all images, as a table in Markdown.
-pub(super) fn table(all: &[Measured]) -> String {
+fn table(all: &[Measured], explained: &Explained) -> String {
     let mut text =
-        "| image | part | instructions | branch outcomes | outcomes in IT blocks |\n|---|---|---|---|---|\n".to_owned();
-    for measured in all {
-        let coverage = &measured.coverage;
-        let mut row = |part: &str, counts: Counts| {
-            let [instructions, branches, blocks] = [counts.instructions, counts.branches, counts.blocks].map(cell);
-            let _ = writeln!(text, "| {} | {part} | {instructions} | {branches} | {blocks} |", measured.name);
+        "| image | part | instructions | or explained | branch outcomes | or explained | outcomes in IT blocks \
+                    | or explained |\n|---|---|---|---|---|---|---|---|\n"
+            .to_owned();
+    for (image, measured) in all.iter().enumerate() {
+        let mut row = |name: &str, counted: &dyn Fn(Part) -> bool| {
+            let (seen, known) = (measured.coverage.sum(counted), explained.sum(image, counted).explained);
+            let pairs =
+                [(seen.instructions, known.instructions), (seen.branches, known.branches), (seen.blocks, known.blocks)];
+            let cells = pairs.map(|(seen, known)| format!("{} | {}", cell(seen), share(with(seen, known))));
+            let _ = writeln!(text, "| {} | {name} | {} |", measured.name, cells.join(" | "));
         };
-        row("all", coverage.sum(|_| true));
-        row("without panics and log", coverage.sum(|part| Part::COUNTED.contains(&part)));
+        row("all", &|_| true);
+        row("without panics and log", &|part| Part::COUNTED.contains(&part));
         for part in Part::COUNTED.into_iter().chain([Part::Panic, Part::Log]) {
-            row(part.name(), coverage.sum(|other| other == part));
+            row(part.name(), &|other| other == part);
         }
     }
     text
 }
 
+/// What is seen or `explained`.
+const fn with(count: Count, explained: Count) -> Count {
+    Count { seen: count.seen + explained.seen, all: count.all }
+}
+
 fn cell(count: Count) -> String {
-    if count.all == 0 { "none".into() } else { format!("{} of {}, {:.1} %", count.seen, count.all, count.percent()) }
+    if count.all == 0 { "none".into() } else { format!("{} of {}, {}", count.seen, count.all, share(count)) }
+}
+
+fn share(count: Count) -> String {
+    if count.all == 0 { "none".into() } else { format!("{:.1} %", count.percent()) }
 }
 
 /// All gaps of all images.
@@ -167,6 +187,7 @@ pub(super) fn json(all: &[Measured]) -> Value {
             "part": gap.part.name(),
             "missing": gap.missing.words(),
             "lines": places,
+            "inlined": gap.inlined,
             "library": gap.library,
         })
     };
@@ -180,6 +201,7 @@ pub(super) fn json(all: &[Measured]) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::coverage::gaps::Counts;
 
     #[test]
     fn a_gap_is_listed_by_function_and_line_until_it_is_explained() {
@@ -190,16 +212,18 @@ mod tests {
             part: Part::Deciding,
             missing: Missing::Taken,
             places: vec![place.clone()],
+            inlined: vec![],
             library: String::new(),
+            lost: Counts::default(),
         };
         let coverage = Coverage { counts: BTreeMap::new(), gaps: vec![gap] };
         let functions = vec![Function { name: "judge".into(), start: 0x100, end: 0x200 }];
         let all = [Measured { name: "dpr-fw".into(), functions, coverage, lines: [place].into() }];
         let open = text(&all, &Explained::default());
         assert_eq!(open, "dpr-fw\n  judge\n    dpr-fw/src/link.rs:7: 1 x branch never taken\n");
-        let explained = Explained { gaps: [(0, 0x100)].into(), ..Explained::default() };
+        let explained = Explained { gaps: [(0, 0x100, Missing::Taken)].into(), ..Explained::default() };
         assert_eq!(text(&all, &explained), "dpr-fw\n");
-        let lacks = "- dpr-fw: 0.0 % of instructions, 95.0 short of 95 %.";
+        let lacks = "- dpr-fw: 0.0 % of instructions, 95.0 short of 95 %; 0.0 % covered or explained.";
         let row = "| `dpr-fw/src/link.rs` | 0 | 1 |";
         assert!(missing(&all, &Explained::default()).lines().any(|line| line == lacks));
         assert!(missing(&all, &Explained::default()).contains(row) && !missing(&all, &explained).contains(row));

@@ -12,11 +12,15 @@
 //! | every message | a receiver sends each UBX message that the parser knows, in many lengths |
 //! | tasks that fault | each task of either board executes an undefined instruction, one after the other |
 //! | wrong flash | either board starts with a program that its CRC does not fit |
+//! | hold: ... | [`super::hold_runs`] |
+//! | what fails in turn | each failure of the air, a chip, the flight controller, a register, a buffer, RAM, a receiver |
 //! | upsets | bits of RAM, flash and registers, each on a copy of the bench |
 //!
 //! In the plain run, with factory settings and with drawn faults, a violation makes the run worthless as evidence. The
 //! others damage more at once than the link must bear, or the firmware itself, so the judge's verdict is not asked for.
 
+use super::hold_runs::hold_runs;
+use super::scripted;
 use bench::faults::{Board, ChipFault, Fault, Faults, ImageFault, Kind, PowerFault, tasks_of};
 
 /// The time that a board has from one damage to the next, ns: for the watchdog's reset and the start after it.
@@ -44,10 +48,31 @@ pub(super) struct Run {
     pub(super) judged: bool,
 }
 
-/// The addresses of the programs' CRCs: HORUS's and the DPR's.
-pub(super) type ProgramCrcs = [u32; 2];
+/// Addresses in the programs, each HORUS's and the DPR's.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Addresses {
+    /// The programs' CRCs.
+    pub(super) crcs: [u32; 2],
+    /// The beginnings of RAM.
+    pub(super) ram: [u32; 2],
+    /// A guard word.
+    pub(super) guards: [u32; 2],
+    /// The ends of the code that runs from RAM; 0 for none.
+    pub(super) hot: [u32; 2],
+}
 
-/// Returns the runs of `duration_ns` with faults of `kinds`, and with damaged programs if `crcs` is given.
+#[cfg(test)]
+impl Addresses {
+    pub(super) const EXAMPLE: Self = Self {
+        crcs: [0x100, 0x200],
+        ram: [0x2000_0000, 0x2001_0000],
+        guards: [0x2000_0100, 0x2001_0100],
+        hot: [0, 0x80_C000],
+    };
+}
+
+/// Returns the runs of `duration_ns` with faults of `kinds`, and with damaged programs and in turn if `addresses` are
+/// given.
 ///
 /// Beside a hold come only the runs that its DPR can notice: HORUS's image is the same with a hold and without.
 pub(super) fn runs(
@@ -55,7 +80,7 @@ pub(super) fn runs(
     gps: usize,
     seed: u64,
     duration_ns: u64,
-    crcs: Option<ProgramCrcs>,
+    addresses: Option<Addresses>,
     hold: bool,
 ) -> Vec<Run> {
     let plain = Run {
@@ -78,7 +103,9 @@ pub(super) fn runs(
     let boards: &[Board] = if hold { &[Board::Dpr] } else { &[Board::Horus, Board::Dpr] };
     let mut runs = vec![plain.clone()];
     runs.extend(kinds.iter().map(|kind| drawn(kind.to_string(), &[*kind])));
-    let Some(crcs) = crcs else { return runs };
+    let Some(addresses) = addresses else { return runs };
+    let crcs = addresses.crcs;
+    runs.extend(scripted::runs(gps, seed, &addresses, hold));
     runs.push(drawn("all kinds".into(), &kinds));
     let unjudged = |name: &str, faults, duration_ns| {
         let name = name.to_owned();
@@ -90,6 +117,7 @@ pub(super) fn runs(
     runs.push(unjudged("chips broken at the start", faults, end));
     if hold {
         runs.push(damaged(Board::Dpr, crcs[1]));
+        runs.extend(hold_runs().into_iter().map(|(name, faults, end)| unjudged(&format!("hold: {name}"), faults, end)));
         return runs;
     }
     runs.push(Run { name: "factory settings".into(), factory_settings: true, ..plain.clone() });
@@ -153,7 +181,7 @@ mod tests {
 
     #[test]
     fn each_kind_that_can_be_drawn_into_a_run_has_a_run() {
-        let runs = runs(&Kind::ALL, 3, 1, 12_000_000_000, Some([0x100, 0x200]), false);
+        let runs = runs(&Kind::ALL, 3, 1, 12_000_000_000, Some(Addresses::EXAMPLE), false);
         for kind in Kind::ALL.into_iter().filter(|kind| !kind.is_upset()) {
             let run = runs.iter().find(|run| run.name == kind.to_string()).unwrap();
             assert!(!run.faults.episodes().is_empty() && run.judged, "{kind}");

@@ -10,6 +10,7 @@ use anyhow::{Context, Result};
 use object::{Object, ObjectSection};
 
 use super::image::Image;
+use super::twins::{self, Lock};
 use crate::workspace::root;
 
 /// A line of a source of this workspace.
@@ -30,10 +31,23 @@ impl fmt::Display for Place {
 pub(super) struct Origin {
     /// The lines of this workspace, from the innermost inlined function to the outermost. Empty for code of libraries.
     pub(super) places: Vec<Place>,
+    /// The names of the functions that are inlined here.
+    pub(super) inlined: Vec<String>,
     /// Whether it belongs to the logger, whose code is inlined where a message is written.
     pub(super) logs: bool,
     /// The file of the innermost function if it is one of a library, inlined or not; else empty.
     pub(super) library: String,
+    /// The copy of a locked section that it belongs to.
+    pub(super) lock: Option<Lock>,
+}
+
+impl Origin {
+    /// This origin, or `before` if the compiler names no line: it does so for a copy between registers and what else it
+    /// adds between two lines.
+    fn or_that_before(self, before: Option<Self>) -> Self {
+        let is_known = !self.places.is_empty() || !self.library.is_empty() || self.logs;
+        before.filter(|_| !is_known).unwrap_or(self)
+    }
 }
 
 /// Returns the origin of each instruction, by its address.
@@ -48,23 +62,40 @@ pub(super) fn origins(image: &Image) -> Result<BTreeMap<u32, Origin>> {
     let lines = addr2line::Context::from_dwarf(dwarf).context("the debug information cannot be read")?;
     let root = format!("{}/", root().display());
     let mut origins = BTreeMap::new();
-    for &address in image.code.keys() {
+    let mut before: Option<(usize, Origin)> = None;
+    for (&address, instruction) in &image.code {
         let mut origin = Origin::default();
         let mut frames = lines.find_frames(u64::from(address)).skip_all_loads()?;
+        let mut names: Vec<String> = vec![];
         while let Some(frame) = frames.next()? {
+            names.extend(frame.function.as_ref().and_then(|name| {
+                let name = name.raw_name().ok()?;
+                Some(format!("{:#}", rustc_demangle::demangle(&name)))
+            }));
             let Some((file, line)) = frame.location.and_then(|place| Some((place.file?, place.line?))) else {
                 continue;
             };
             origin.logs |= file.contains("/defmt");
+            if let Some(raises) = names.last().and_then(|function| twins::raises(file, function, line)) {
+                // The outermost lock counts, so the lines that lock begin anew.
+                origin.lock = Some(Lock { site: vec![], raises });
+            }
             let own = file.strip_prefix(&root).filter(|file| !file.starts_with("target/"));
             if origin.places.is_empty() && origin.library.is_empty() && own.is_none() {
                 origin.library = file.to_owned();
             }
             if let Some(file) = own {
-                origin.places.push(Place { file: file.to_owned(), line });
+                let place = Place { file: file.to_owned(), line };
+                origin.lock.iter_mut().for_each(|lock| lock.site.push(place.clone()));
+                origin.places.push(place);
             }
         }
-        origins.insert(address, origin);
+        // The outermost function is that of the image's symbol.
+        names.pop();
+        origin.inlined = names;
+        let function = instruction.function;
+        before = Some((function, origin.or_that_before(before.filter(|(of, _)| *of == function).map(|it| it.1))));
+        origins.extend(before.iter().map(|(_, origin)| (address, origin.clone())));
     }
     Ok(origins)
 }
@@ -135,6 +166,16 @@ mod tests {
         assert_eq!(explained[0], Explanation { at: 2, lines: 4..=6 });
         assert_eq!(explained[1], Explanation { at: 8, lines: 9..=9 });
         assert_eq!(explained.len(), 2);
+    }
+
+    #[test]
+    fn an_instruction_without_a_line_belongs_to_the_one_before() {
+        let of = |line| Origin { places: vec![Place { file: "a.rs".into(), line }], ..Origin::default() };
+        let library = Origin { library: "mem.rs".into(), ..Origin::default() };
+        assert_eq!(Origin::default().or_that_before(Some(of(3))), of(3));
+        assert_eq!(Origin::default().or_that_before(None), Origin::default());
+        assert_eq!(of(4).or_that_before(Some(of(3))), of(4));
+        assert_eq!(library.clone().or_that_before(Some(of(3))), library);
     }
 
     #[test]

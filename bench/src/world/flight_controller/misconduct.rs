@@ -1,7 +1,8 @@
 //! The transactions of a flight controller that misuses the SSI.
 
+use profile::criticality::{FlightController, Writer};
 use profile::ssi::{Request, encode};
-use profile::{Identifier, crc};
+use profile::{Command, CommandObject, Identifier, crc};
 
 use super::Config;
 use crate::faults::{Conduct, Rng};
@@ -41,12 +42,14 @@ pub(super) struct Misconduct {
     conduct: Conduct,
     config: Config,
     noise: Rng,
+    /// The number of transactions that [`Conduct::WritesEach`] has made.
+    written: usize,
 }
 
 impl Misconduct {
     #[must_use]
     pub(super) const fn new(conduct: Conduct, config: Config, seed: u64) -> Self {
-        Self { conduct, config, noise: Rng::new(seed) }
+        Self { conduct, config, noise: Rng::new(seed), written: 0 }
     }
 
     #[must_use]
@@ -65,7 +68,8 @@ impl Misconduct {
             | Conduct::OtherMode(_)
             | Conduct::RandomBytes
             | Conduct::Lies
-            | Conduct::ReplaysUplink => Rhythm::InCycle,
+            | Conduct::ReplaysUplink
+            | Conduct::WritesEach => Rhythm::InCycle,
             Conduct::Silent => Rhythm::Never,
         }
     }
@@ -92,6 +96,15 @@ impl Misconduct {
             Conduct::RandomBytes => Order { filler: self.noise(), ..read(whole) },
             Conduct::Lies => Order { mosi: self.lie(), ..read(PART) },
             Conduct::ReplaysUplink => Order { mosi: uplink(), ..read(whole) },
+            Conduct::WritesEach => {
+                let all = each();
+                let (round, nth) = (self.written / all.len(), self.written % all.len());
+                self.written += 1;
+                let mosi = all[nth].clone();
+                // A transaction may end with what is written, or read on.
+                let bytes = if round % 2 == 0 { whole } else { mosi.len() };
+                Order { mosi, ..read(bytes) }
+            }
         }
     }
 
@@ -125,14 +138,71 @@ fn edges(pace: Pace, period_ns: u64) -> Order {
     Order { pace: Pace { setup_ns: low, hold_ns: 0, gap_ns: period_ns - low, ..pace }, ..Order::read(0) }
 }
 
+/// The timestamp of the objects that [`uplink`] and [`each`] write, ms.
+const EARLY: u32 = 1_000;
+
 /// Returns an empty request with an intact uplink object of the flight controller. The object's timestamp never
 /// changes.
 fn uplink() -> Vec<u8> {
+    object(EARLY, Identifier::UPLINK_FLIGHT_CONTROLLER)
+}
+
+/// Returns an empty request, followed by an intact object.
+fn object(timestamp: u32, identifier: Identifier) -> Vec<u8> {
     let mut object = vec![];
-    object.extend(1_000_u32.to_le_bytes());
-    object.extend(Identifier::UPLINK_FLIGHT_CONTROLLER.0.to_le_bytes());
+    object.extend(timestamp.to_le_bytes());
+    object.extend(identifier.0.to_le_bytes());
     object.extend(0_u16.to_le_bytes());
     object.extend(0..52_u8);
     object.extend(crc::frame(&object).to_be_bytes());
-    [vec![0; profile::ssi::REQUEST_SIZE], object].concat()
+    after_request(&object)
+}
+
+fn after_request(object: &[u8]) -> Vec<u8> {
+    [&[0; profile::ssi::REQUEST_SIZE][..], object].concat()
+}
+
+fn command(timestamp: u32, command: Command) -> Vec<u8> {
+    after_request(CommandObject::seal(Writer::<FlightController>::claim(), timestamp, command).as_bytes())
+}
+
+/// The timestamps of a writer, ms after the first: newer, equal, older, and three refused ones of which each is newer
+/// than the one before, so that the last is accepted.
+const STEPS: [u32; 9] = [0, 1, 1, 0, 1 << 31, u32::MAX - 9, u32::MAX - 7, u32::MAX - 5, 2];
+
+/// Returns every request and object that the DPR must refuse, and every order of timestamps.
+fn each() -> Vec<Vec<u8>> {
+    let mut all = vec![];
+    for identifier in [Identifier::UPLINK_BASE_STATION, Identifier::UPLINK_FLIGHT_CONTROLLER] {
+        all.extend(STEPS.map(|step| object(EARLY.wrapping_add(step), identifier)));
+    }
+    all.extend(STEPS.map(|step| command(EARLY.wrapping_add(step), Command::ClearCounters)));
+    // The second self-test comes while the first runs.
+    all.extend([10, 11].map(|step| command(EARLY + step, Command::SelfTest)));
+    let damaged = |at: usize| {
+        let mut bytes = uplink();
+        bytes[at] ^= 1;
+        bytes
+    };
+    all.extend([8, 12, 40, 71].map(damaged));
+    all.push(object(EARLY, Identifier::GPS[0]));
+    // An object of the flight controller's with the identifier of a command has no known word.
+    all.push(object(EARLY + 20, Identifier::COMMAND));
+    // A command with a byte behind its word.
+    let mut with_more = command(EARLY + 21, Command::ClearCounters);
+    with_more[8 + 20] = 1;
+    let crc = crc::frame(&with_more[8..68]).to_be_bytes();
+    with_more[68..].copy_from_slice(&crc);
+    all.push(with_more);
+    let too_long = |byte: u8| [uplink(), vec![byte; 5]].concat();
+    all.extend([too_long(1), too_long(0xFF), [uplink(), vec![0; 7], vec![9]].concat()]);
+    let outside = [Request { offset: 4_096, length: 64 }, Request { offset: 0, length: 0xFFFF }];
+    all.extend(outside.map(|request| encode(request).to_vec()));
+    let mut request = encode(Request { offset: 96, length: 60 });
+    request[7] ^= 1;
+    all.push(request.to_vec());
+    all.extend([1, 3, 4, 5, 6, 7].map(|length| request[..length].to_vec()));
+    all.extend([1, 2, 8, 9, 12, 40, 72, 73].map(|length| vec![0xFF; length]));
+    all.extend([9, 40, 41, 42, 43, 71].map(|length| uplink()[..length].to_vec()));
+    all
 }

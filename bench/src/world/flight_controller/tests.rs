@@ -4,6 +4,7 @@ use base_station_core::drone::Counts;
 use emulator_part::SpiMode;
 use profile::criticality::{BaseStation as BaseStationRole, Dpr, Writer};
 use profile::image::Image;
+use profile::uplink::Written;
 use profile::{
     GpsObject, GpsStatus, GpsValues, Identifier, LinkStatus, LinkStatusBits, LinkValues, PortStatus, PortValues,
     Profile, Rejection, ReportedPosition, ReportedStatus, ReportedValues, UplinkValues,
@@ -547,6 +548,18 @@ fn random_bytes_follow_from_the_seed_and_the_episode() {
     assert_eq!(noise(1), [first.clone(), second.clone(), third.clone()]);
     assert!(first != second && second != third && first != third);
     assert_ne!(noise(2)[0], first);
+}
+
+#[test]
+fn an_object_is_written_for_each_reason_to_refuse_one() {
+    let mut writes = Misconduct::new(Conduct::WritesEach, Config::new(3), 1);
+    let objects = (0..200).filter_map(|_| writes.order().mosi.get(8..72).map(<[u8]>::to_vec));
+    let (accepted, refused): (Vec<_>, Vec<_>) =
+        objects.map(|object| Written::verify(&object).map(|_| ())).partition(Result::is_ok);
+    for rejection in [Rejection::Crc, Rejection::Identifier, Rejection::Command] {
+        assert!(refused.contains(&Err(rejection)), "{rejection:?}");
+    }
+    assert!(accepted.len() > 50);
 }
 
 #[test]
