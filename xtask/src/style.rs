@@ -23,6 +23,9 @@ fn is_checked(path: &str) -> bool {
 
 const TEST_NAME: (usize, usize) = (12, 80);
 
+/// The beginning of a comment that explains a gap of coverage. Its reason begins behind that.
+const EXPLANATION: &str = "Not covered: ";
+
 /// Words with which a comment may not begin, because they begin an incomplete sentence.
 const OPENINGS: [&str; 7] = ["As", "Of", "Not", "Nothing of", "So long", "So many", "So much"];
 
@@ -47,6 +50,7 @@ fn torn_openings(text: &str) -> impl Iterator<Item = usize> {
         let comment = line.trim_start().strip_prefix("//").map(|rest| rest.trim_start_matches(['/', '!']).trim_start());
         let begins = comment.filter(|_| !goes_on);
         goes_on = comment.is_some_and(|text| !text.is_empty());
+        let begins = begins.map(|text| text.strip_prefix(EXPLANATION).unwrap_or(text));
         let begins_with = |opening: &&str| begins.is_some_and(|text| text.starts_with(&format!("{opening} ")));
         OPENINGS.iter().any(begins_with).then_some(index + 1)
     })

@@ -264,8 +264,8 @@ impl Faults {
         faults
     }
 
-    /// Returns every fault of `kind` for a link with `gps` receivers, one after the other, the first at `at` (ns), each
-    /// for `length` ns with a pause of `pause` ns behind it; and the end of the last pause, ns. `rng` draws what a fault
+    /// Returns every fault of `kind` for a link with `gps` receivers, one after the other, the first at `at` (ns). Each
+    /// lasts for `length` ns, with a pause of `pause` ns behind it. Also returns the end of the last pause, ns. `rng` draws what a fault
     /// leaves open. What occurs once, such as a restart, takes no more than the pause.
     #[must_use]
     pub fn in_turn(kind: Kind, gps: usize, rng: &mut Rng, at: u64, [length, pause]: [u64; 2]) -> (Self, u64) {
@@ -841,7 +841,7 @@ mod tests {
     }
 
     #[test]
-    fn the_faults_in_turn_are_all_of_a_kind_one_after_the_other() {
+    fn faults_in_turn_are_all_of_a_kind_once() {
         let (faults, end) = Faults::in_turn(Kind::Inputs, 3, &mut Rng::new(1), 1_000, [20, 10]);
         let all = all_of(Kind::Inputs, 3, &mut Rng::new(1)).len();
         assert!(all > 1);

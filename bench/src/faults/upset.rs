@@ -328,7 +328,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stuck_bit_reads_its_value_at_once_and_only_ram_has_one() {
+    fn a_stuck_bit_reads_its_value_and_lies_in_ram() {
         let mut node = node();
         let address = 0x2000_0123;
         for value in [true, false] {

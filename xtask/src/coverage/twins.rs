@@ -72,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn a_copy_that_never_runs_is_another_s_only_if_its_twin_runs() {
+    fn a_copy_that_never_runs_counts_if_its_twin_runs() {
         assert_eq!(others_if(&[0x100]), [0x104, 0x106]);
         assert_eq!(others_if(&[0x106]), [0x100, 0x102]);
         assert!(others_if(&[]).is_empty() && others_if(&[0x100, 0x106]).is_empty());
