@@ -25,7 +25,7 @@ const PLACES: u32 = 5;
 fn each_flip_stops(board: Board, symbol: &str, within: u64, restarts: &[Violation]) {
     let Some((sender, reader)) = image(3, "horus-tx-fw.elf").zip(image(3, "dpr-fw.elf")) else { return };
     let flipped = if board == Board::Horus { &sender } else { &reader };
-    let kept = Firmware::read(flipped).unwrap().variable_called(symbol).expect("the variable is in the image").clone();
+    let kept = Firmware::read(flipped).unwrap().variable_called(symbol).expect("the variable is in the image");
     for place in 0..PLACES {
         let address = kept.address as u32 + (2 * place + 1) * kept.size as u32 / (2 * PLACES);
         let at = FLIPS + u64::from(place) * 2_300_000;
@@ -68,7 +68,7 @@ fn a_bit_that_flips_in_kept_state_stops_horus_before_it_misleads() {
 
 // Shows SAFE-18.
 #[test]
-fn a_bit_that_flips_in_kept_state_stops_the_dpr_before_it_misleads() {
+fn a_flipped_bit_of_kept_state_stops_the_dpr_before_it_misleads() {
     // The test of the RAM at the restart takes a great part of so short a run.
     const RESTARTS: [Violation; 2] = [Violation::DprRestarted, Violation::DprOverloaded];
     each_flip_stops(Board::Dpr, "__rtic_internal_shared_resource_committing", 10 * MS, &RESTARTS);

@@ -553,7 +553,7 @@ mod tests {
 
     // Shows SAFE-18.
     #[test]
-    fn a_bit_of_a_timestamp_that_flips_makes_the_whole_frame_be_verified_anew() {
+    fn a_flipped_bit_of_a_timestamp_has_the_frame_verified_anew() {
         let sent = profile::<3>(50);
         let mut arrived = vec![245];
         arrived.extend(&sent.as_bytes()[..200]);

@@ -5,8 +5,8 @@
 //! The idle loop verifies all of this memory, in one [slice](firmware_common::patrol) every 2.5 ms:
 //!
 //! - *The published image*, object by object ([`ImageCheck`]): an object must have a right CRC, or be zero throughout
-//!   where no object was accepted. The idle loop reads the object's words once, and uses the result only if the image is
-//!   of the same *generation* before and after. The SSI task increments the generation whenever it exchanges the
+//!   where no object was accepted. The idle loop reads the object's words once, and uses the result only if the image
+//!   is of the same *generation* before and after. The SSI task increments the generation whenever it exchanges the
 //!   image. So the idle loop needs no lock. A wrong object is read a second time before it counts as damaged, since the
 //!   first reading may have been wrong.
 //! - *Flash, code in RAM, guard words, RAM in use*: [`firmware_common::patrol`] verifies them.

@@ -324,8 +324,8 @@ mod app {
         }
     }
 
-    /// Verifies what was kept since the last call, changes it by `with`, and checks it anew. The DPR stops if a bit of it
-    /// has flipped.
+    /// Verifies what was kept since the last call, changes it by `with`, and checks it anew. The DPR stops if a bit of
+    /// it has flipped.
     fn change<T, R>(kept: &mut Checked<T>, with: impl FnOnce(&mut T) -> R) -> R {
         if !kept.is_intact() {
             stop_changed(kept.address());

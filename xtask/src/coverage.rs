@@ -227,7 +227,8 @@ fn flights_of(args: &CoverageArgs, setup: &Setup, records: &Records, addresses: 
     let duration_ns = (args.seconds * 1e9).round() as u64;
     let addresses = args.faults.is_none().then_some(addresses);
     let runs = runs::runs(&kinds(args, setup), setup.gps, setup.seed, duration_ns, addresses, setup.hold.is_some());
-    // The runs of the hold have another seed each, and so other sensors: one samples faster, another slower than it says.
+    // Each run of the hold has a seed of its own, and so sensors of its own: one samples faster, another slower than it
+    // says.
     let seed = |run: &Run| if run.name.starts_with("hold: ") { setup.seed + run.name.len() as u64 } else { setup.seed };
     let flight = |run: Run| {
         // The older of the two chips is on the boards in two of these runs.

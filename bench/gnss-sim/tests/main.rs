@@ -1,3 +1,5 @@
+//! Tests of the simulated receivers.
+
 mod configuration;
 mod flight;
 mod log;

@@ -1,3 +1,5 @@
+//! Tests of the judge on logs, of runs and made by hand.
+
 mod base;
 mod common;
 mod fresh;

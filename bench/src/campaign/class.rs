@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn a_position_that_is_50_ms_old_at_the_end_is_not_new() {
+    fn a_position_50_ms_old_at_the_end_is_not_new() {
         assert_eq!(class(&[(4_000, 1), (4_001, 2), (54_000, 2)]), Class::Stopped);
         assert_eq!(class(&[(4_001, 1), (4_002, 2), (54_000, 2)]), Class::Recovered);
     }

@@ -25,8 +25,8 @@ pub enum HoldBoardFault {
     Spurious(&'static str),
     /// The handler of this vector, or the function of this name, begins with an undefined instruction.
     Faulting(&'static str),
-    /// A word of the variable with this symbol, given by its offset in bytes, holds this value. The episode's end brings
-    /// the original value back.
+    /// A word of the variable with this symbol, given by its offset in bytes, holds this value. The episode's end
+    /// brings the original value back.
     Word(&'static str, u32, u32),
     /// A bit of the variable with this symbol, given by the byte's offset, reads as this value, whatever is written.
     Stuck(&'static str, u32, bool),

@@ -265,8 +265,8 @@ impl Faults {
     }
 
     /// Returns every fault of `kind` for a link with `gps` receivers, one after the other, the first at `at` (ns). Each
-    /// lasts for `length` ns, with a pause of `pause` ns behind it. Also returns the end of the last pause, ns. `rng` draws what a fault
-    /// leaves open. What occurs once, such as a restart, takes no more than the pause.
+    /// lasts for `length` ns, with a pause of `pause` ns behind it. Also returns the end of the last pause, ns. `rng`
+    /// draws what a fault leaves open. What occurs once, such as a restart, takes no more than the pause.
     #[must_use]
     pub fn in_turn(kind: Kind, gps: usize, rng: &mut Rng, at: u64, [length, pause]: [u64; 2]) -> (Self, u64) {
         let (mut faults, mut at) = (Self::none(), at);

@@ -1,3 +1,5 @@
+//! Tests of the front end's model, alone and with a second one on the air.
+
 mod air;
 mod air_chips;
 mod air_late;

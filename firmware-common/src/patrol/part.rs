@@ -20,8 +20,8 @@ impl PartMemory {
         Self(())
     }
 
-    /// Compares the program in flash with its CRC at once, without the state of a patrol. This takes at most 50 processor
-    /// cycles a word, and does not need that the memory protection unit allows loads.
+    /// Compares the program in flash with its CRC at once, without the state of a patrol. This takes at most 50
+    /// processor cycles a word, and does not need that the memory protection unit allows loads.
     #[must_use]
     pub fn compare(&self) -> Comparison {
         Comparison::of(memory::program().step_by(4).map(memory::load_shut), memory::stored_crc())

@@ -135,8 +135,8 @@ pub(super) fn page(command: &str, summary: &str, missing: &str) -> String {
          from it\nends in one; those, what formats the log, and functions of libraries that only these call, are \
          counted by themselves.\nA branch has two outcomes, without one that leads only to a panic; so has an \
          instruction in an IT block, which is\nskipped or not. What decides and what has a deadline: \
-         `xtask/src/coverage/gaps.rs`.\nCovered is what was executed. Beside it stands what was executed or is explained: by a comment beside the \
-         code, or\nfor code of libraries by a table.\n\n## What is missing\n\n\
+         `xtask/src/coverage/gaps.rs`.\nCovered is what was executed. Beside it stands what was executed or is \
+         explained: by a comment beside the code, or\nfor code of libraries by a table.\n\n## What is missing\n\n\
          {missing}\n## Totals\n\n{summary}"
     )
 }

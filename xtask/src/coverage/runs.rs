@@ -13,7 +13,7 @@
 //! | tasks that fault | each task of either board executes an undefined instruction, one after the other |
 //! | wrong flash | either board starts with a program that its CRC does not fit |
 //! | hold: ... | [`super::hold_runs`] |
-//! | what fails in turn | each failure of the air, a chip, the flight controller, a register, a buffer, RAM, a receiver |
+//! | what fails in turn | each failure of air, a chip, the flight controller, a register, a buffer, RAM, a receiver |
 //! | upsets | bits of RAM, flash and registers, each on a copy of the bench |
 //!
 //! In the plain run, with factory settings and with drawn faults, a violation makes the run worthless as evidence. The

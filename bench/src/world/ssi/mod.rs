@@ -170,7 +170,7 @@ pub struct Order {
     pub bytes: usize,
     /// The first bytes on MOSI.
     pub mosi: Vec<u8>,
-    /// The bytes on MOSI after [`Self::mosi`].
+    /// The bytes on MOSI after `mosi`.
     pub filler: Filler,
     /// Clock polarity and phase.
     pub mode: SpiMode,

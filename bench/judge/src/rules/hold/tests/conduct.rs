@@ -291,7 +291,7 @@ fn disturbed(part: HoldPart, calm: u64) -> Events {
 }
 
 #[test]
-fn a_box_is_measured_while_the_statuses_are_new_and_the_sensors_undisturbed() {
+fn a_box_is_judged_by_new_statuses_of_undisturbed_sensors() {
     let wrong = [Violation::HoldOutput];
     let after = |events, after| does_after(events, 1, after, &[0.0; 3], (5_000, 0, 20_000, 40_000));
     assert_eq!((after(run(), 150 * MS), after(run(), 150 * MS + 1)), (wrong.to_vec(), vec![]));
@@ -316,7 +316,7 @@ fn a_disturbed_hold_may_restart_unasked() {
 }
 
 #[test]
-fn an_answer_without_a_carrier_is_excused_until_300_ms_after_a_disturbance() {
+fn a_disturbance_excuses_an_answer_without_a_carrier_for_300_ms() {
     let misuse = |at: u64| {
         let mut events = disturbed(HoldPart::Air, 400 * MS);
         events.add(at, What::Hold(HoldEvent::PortMisuse { text: OVERTAKEN.into() }));
@@ -354,7 +354,7 @@ fn a_command_to_lock_locks() {
 }
 
 #[test]
-fn a_command_is_found_too_old_by_all_that_came_within_a_second() {
+fn a_command_is_too_old_by_all_that_came() {
     let mut events = run();
     commands(&mut events, 50 * MS, 7, (0, 1, 2, 0.0));
     sends(&mut events, 900 * MS, &says(100, NO_COMMAND()));
