@@ -183,8 +183,8 @@ fn a_starting_or_busy_board_is_not_ready_for_interrupts() {
         assert!(!restarts_within(&mut horus, time));
         usize::from(horus.is_ready_for_interrupts())
     };
-    // The start masks interrupts for longer than any task runs. So the board cannot take an interrupt at several of these
-    // milliseconds in a row.
+    // The start masks interrupts for longer than any task runs. So the board cannot take an interrupt at several of
+    // these milliseconds in a row.
     let started: Vec<usize> = (0..300).map(|_| ready_after(MS)).collect();
     assert!(started.windows(3).any(|of| of == [0, 0, 0]), "{started:?}");
     let mut seen = [0; 2];

@@ -2,10 +2,10 @@
 //!
 //! | run | what fails |
 //! |---|---|
-//! | hold: sensors | each sensor is silent, refuses bytes, holds a line, lies, loses its settings; a hot and a cold box |
+//! | hold: sensors | each sensor is silent, refuses bytes, holds a line, lies, loses its settings; a hot, a cold box |
 //! | hold: front end | each failure of the chip, in flight and in the start; flips of its registers; glitches |
 //! | hold: tasks | each task is dead, runs although nothing has called it, and executes an undefined instruction |
-//! | hold: memory | a cleared register, a stuck bit, a changed guard, a wrong CRC of program or record, a broken stack |
+//! | hold: memory | a cleared register, a stuck bit, a changed guard, a wrong CRC of program or record, a bad stack |
 //! | hold: starts | each reason of a reset, a low supply, a dead crystal, a locked debug port |
 //!
 //! The judge's verdict is not asked for, since several failures meet. Without a hold none of these runs is made.
