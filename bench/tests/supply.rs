@@ -111,13 +111,20 @@ fn a_supply_that_fails_while_the_dpr_logs_causes_no_panic() {
     field_on(&mut warm);
     run_dpr(&mut warm, 1_000 * MS);
     let mut interrupted = 0;
-    // The DPR writes a line to its log once a second, 19.87 ms after the full second. The supply falls around that
-    // instant.
-    for after in (1_019_820..1_019_920).step_by(2) {
+    // The DPR writes a line to its log once a second. The supply falls around the end of that line.
+    let has_line = |after: &u64| {
+        let mut node = warm.clone();
+        log(&mut node);
+        run_dpr(&mut node, after * US);
+        !log(&mut node).is_empty()
+    };
+    let line = (1_000_000..2_000_000).step_by(500).find(has_line).expect("a line each second");
+    let line = (line - 500..=line).find(has_line).unwrap_or(line);
+    for after in (line - 50..line + 50).step_by(2) {
         let mut node = warm.clone();
         run_dpr(&mut node, after * US);
         node.supply(2_564_999, 0);
-        run_dpr(&mut node, 1_030 * MS);
+        run_dpr(&mut node, after * US + 10 * MS);
         assert_eq!(node.take_findings(), [], "{after} µs after the start");
         node.supply(3_000_000, 0);
         run_dpr(&mut node, 1_300 * MS);

@@ -153,7 +153,6 @@ impl<const N: usize> Commit<N> {
         if let Some(sampled_us) = self.open {
             let other_slot = first || !same_sample(sampled_us, verdict.sampled_us);
             let other_cycle = matches!(verdict.cycle, Cycle::Next(_)) && self.shown != Objects::NONE;
-            // Not covered: a cycle of three receivers has one frame; only that of five has two.
             if other_slot || other_cycle {
                 // The image of the previous cycle gets the Link-Status of that cycle, so it is published before the new
                 // frame counts.

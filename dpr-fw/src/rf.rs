@@ -165,8 +165,6 @@ impl<P: FrontEndPort> Reception<P> {
                         FrameInfo { len, ended_us: executor.port().irq_edge_us(), early: core::mem::take(early) };
                     executor.port().exchange(|filled| {
                         let (next, rotated) = rotation.lock(|rotation| rotation.rotate(filled, info));
-                        // Not covered: a frame ends at least 3.9 ms after the one before, in which commit and scrub
-                        // free a buffer.
                         if let Rotated::Overrun(found) = rotated {
                             telemetry.overruns.add(1);
                             telemetry.scrubbed(found);

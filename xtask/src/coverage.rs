@@ -27,6 +27,7 @@ mod messages;
 mod part;
 mod paths;
 mod report;
+mod run;
 mod runs;
 mod scripted;
 mod source;
@@ -52,10 +53,9 @@ use rayon::prelude::*;
 use crate::output::Output;
 use crate::workspace::{root, tracked};
 use crate::{Receivers, firmware, sim};
-use explained::explain;
+use explained::{Measured, explain};
 use image::Image;
-use report::Measured;
-use runs::{Addresses, Run};
+use run::{Addresses, Run};
 use source::Source;
 
 /// The page with the totals.

@@ -116,9 +116,10 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
     let mut steps = Steps::default();
     if args.on == Place::Bench && args.board.is_none() && !args.on_target {
         let host = ["test", "--quiet", "--no-fail-fast", "--workspace", "--features", "xtask/live,xtask/probe"];
-        // A firmware is linked on one thread. The others compile the host tests meanwhile, in a folder of their own. If
-        // that fails, the step of the host tests says so.
-        let mut compiler = cargo().args(host).arg("--no-run").spawn().context("could not start cargo")?;
+        // A firmware is linked on one thread. The others compile the host tests meanwhile, in a folder of their own, but
+        // not those of this program, which would be replaced while it runs. If that fails, the host tests say so.
+        let compiled = ["test", "--quiet", "--workspace", "--exclude", "xtask", "--no-run"];
+        let mut compiler = cargo().args(compiled).spawn().context("could not start cargo")?;
         for gps in Receivers::ALL {
             steps.run(&format!("both images build with {gps} receivers"), || firmware::build_pair(gps).map(drop));
         }

@@ -4,20 +4,12 @@ use bench_judge::Disturbance;
 use bench_judge::disturbance::{HoldPart, Wire};
 use st25r3916_model::{AirEvent, AirFaults, Chunk, ForeignCard, FrameStart, Technology, nfc_f};
 
+pub use super::hold_board::Sensor;
 use super::hold_board::{HoldBoardFault, SensorFault};
 use super::{PowerFault, Rng};
 
 /// One millisecond, ns.
 const MS: u64 = 1_000_000;
-
-/// A sensor on the hold's I2C bus.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Sensor {
-    /// The sensor of temperature and humidity.
-    Climate,
-    /// The accelerometer.
-    Vibration,
-}
 
 /// Transmissions of a hostile sender in place of the hold's own frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

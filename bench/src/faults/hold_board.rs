@@ -1,16 +1,7 @@
 //! Faults of the active hold's board and of its sensors that tests and the coverage script by hand. `--faults` draws
 //! none of them.
 
-use cortex_m4::{Cost, Register};
-use emulator_node::{Error, Node};
-use emulator_part::{Part, StuckBit};
-use nrf52840::Nrf52840;
-
-use super::hold::Sensor;
-use super::image::Repair;
-use super::power::RAILS_UV;
-use super::{ChipFault, FIRST_INTERRUPT, ImageFault};
-use crate::boards::{Hold, Powered, supply};
+use super::ChipFault;
 
 /// A fault of the hold's board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,68 +47,15 @@ impl HoldBoardFault {
             Self::Supply(microvolts) => format!("supply {:.2} V", f64::from(microvolts) / 1e6),
         }
     }
-
-    /// Begins the fault on `node` now, and returns what its end restores.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::NoSymbol`] if the program has no such vector, function or variable.
-    pub(crate) fn begin<C: Cost>(self, node: &mut Node<Hold, C>) -> Result<Repair, Error> {
-        let now = node.now();
-        match self {
-            Self::Chip(fault) => node.board_mut(|board| board.front_end().begin_chip_fault(fault)),
-            Self::Flip(place) => node.board_mut(|board| board.front_end().flip(now, place)),
-            Self::Dead(vector) => {
-                let line = line(node, vector)?;
-                node.switch_interrupt_off(line);
-            }
-            Self::Spurious(vector) => {
-                let line = line(node, vector)?;
-                node.raise_interrupt(line);
-            }
-            Self::Faulting(handler) => return ImageFault::Faulting(handler.to_owned()).apply(node),
-            Self::Word(symbol, offset, value) => {
-                return super::image::poke(node, symbol, offset, &value.to_le_bytes());
-            }
-            Self::Stuck(symbol, offset, value) => {
-                let variable = node.firmware().variable_called(symbol).ok_or_else(|| missing(node, symbol))?;
-                let address = u32::try_from(variable.address).unwrap_or(u32::MAX).saturating_add(offset);
-                node.input(|part, _, _| part.stick(Some(StuckBit { address, bit: 0, value })));
-            }
-            Self::Poke(address, value) => node.poke(address, &value.to_le_bytes())?,
-            Self::Core(number, value) => node.set_core_register(Register::R(number), value),
-            Self::Supply(microvolts) => supply(node, microvolts, 0),
-        }
-        Ok(Repair::default())
-    }
-
-    /// Ends the fault on `node` now. Damage to memory is not restored here.
-    pub(crate) fn end<C: Cost>(self, node: &mut Node<Hold, C>) {
-        match self {
-            Self::Chip(fault) => node.board_mut(|board| board.front_end().end_chip_fault(fault)),
-            Self::Stuck(..) => {
-                node.input(|part, _, _| part.stick(None));
-            }
-            Self::Supply(_) => supply(node, RAILS_UV[0], 0),
-            Self::Flip(_)
-            | Self::Dead(_)
-            | Self::Spurious(_)
-            | Self::Faulting(_)
-            | Self::Word(..)
-            | Self::Poke(..)
-            | Self::Core(..) => {}
-        }
-    }
 }
 
-/// The number of the interrupt with the vector `vector`.
-fn line<C: Cost>(node: &Node<Hold, C>, vector: &str) -> Result<u16, Error> {
-    let exception = Nrf52840::exception(vector).and_then(|number| number.checked_sub(FIRST_INTERRUPT));
-    exception.ok_or_else(|| missing(node, vector))
-}
-
-fn missing<C: Cost>(node: &Node<Hold, C>, symbol: &str) -> Error {
-    Error::NoSymbol { firmware: node.firmware().name().to_owned(), symbol: symbol.to_owned() }
+/// A sensor on the hold's I2C bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sensor {
+    /// The sensor of temperature and humidity.
+    Climate,
+    /// The accelerometer.
+    Vibration,
 }
 
 /// A fault of the hold's sensors, of their bus, or of what they measure.

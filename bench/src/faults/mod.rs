@@ -242,7 +242,7 @@ pub fn interrupt_of(board: Board, task: u8) -> Option<u16> {
 }
 
 /// The number of the exception that is interrupt 0, ARMv7-M ARM table B1-4.
-const FIRST_INTERRUPT: u16 = 16;
+pub(crate) const FIRST_INTERRUPT: u16 = 16;
 
 /// A fault and its duration.
 #[derive(Clone, Debug, PartialEq)]

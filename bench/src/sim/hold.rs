@@ -21,6 +21,7 @@ use profile::criticality::{ActiveLoad, Writer};
 use st25r3916_model::{Air, AirEvent, AirFaults, AnswerFaults, AnswerPath, Chip, ForeignCard};
 
 use super::board_events::cause;
+use super::hold_board;
 use super::recorder::Recorder;
 use crate::boards::front_end::FrontEnd;
 use crate::boards::{Dpr, Hold};
@@ -270,10 +271,10 @@ impl<C: Cost> Beside<C> {
             HoldFault::BusStuck => self.payload(|payload| payload.hold_sda(begins)),
             HoldFault::Board(damage) => {
                 let done = if begins {
-                    let repair = damage.begin(&mut self.node);
+                    let repair = hold_board::begin(damage, &mut self.node);
                     repair.map(|repair| self.repairs.push((*fault, repair)))
                 } else {
-                    damage.end(&mut self.node);
+                    hold_board::end(damage, &mut self.node);
                     let place = self.repairs.iter().position(|(of, _)| of == fault);
                     place.map_or(Ok(()), |place| self.repairs.remove(place).1.mend(&mut self.node))
                 };

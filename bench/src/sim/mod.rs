@@ -13,6 +13,7 @@ mod debugged;
 mod downstream;
 pub mod flips;
 mod hold;
+mod hold_board;
 mod marks;
 pub mod phases;
 #[cfg(feature = "plot")]

@@ -16,11 +16,21 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::{Context, Result, bail};
 
-use super::gaps::{Counts, Gap, Missing};
+use super::gaps::{Counts, Coverage, Gap, Missing};
+use super::image::Function;
 use super::part::Part;
-use super::report::Measured;
 use super::source::{Place, Source};
 use crate::workspace::root;
+
+/// An image with its coverage.
+#[derive(Debug)]
+pub(super) struct Measured {
+    pub(super) name: String,
+    pub(super) functions: Vec<Function>,
+    pub(super) coverage: Coverage,
+    /// The source lines of which the image has code.
+    pub(super) lines: BTreeSet<Place>,
+}
 
 /// The table, from the root of the workspace.
 pub(super) const TABLE: &str = "xtask/src/coverage/explained.txt";

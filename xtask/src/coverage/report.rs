@@ -1,25 +1,15 @@
 //! The coverage of the images in words, and as JSON.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use serde_json::{Value, json};
 
-use super::explained::{Explained, Gaps, TABLE};
+use super::explained::{Explained, Gaps, Measured, TABLE};
 use super::gaps::{Count, Coverage, Gap, Missing};
 use super::image::Function;
 use super::part::Part;
 use super::source::Place;
-
-/// An image with its coverage.
-#[derive(Debug)]
-pub(super) struct Measured {
-    pub(super) name: String,
-    pub(super) functions: Vec<Function>,
-    pub(super) coverage: Coverage,
-    /// The source lines of which the image has code.
-    pub(super) lines: BTreeSet<Place>,
-}
 
 /// Each function with gaps that count, its lines, and what is missing there with the number of instructions. Gaps in
 /// libraries have no line.

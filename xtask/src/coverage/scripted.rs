@@ -5,7 +5,7 @@ use bench::faults::{
     Rng, Upset,
 };
 
-use super::runs::{Addresses, Run};
+use super::run::{Addresses, Run};
 
 const MS: u64 = 1_000_000;
 

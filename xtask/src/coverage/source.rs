@@ -10,8 +10,16 @@ use anyhow::{Context, Result};
 use object::{Object, ObjectSection};
 
 use super::image::Image;
-use super::twins::{self, Lock};
 use crate::workspace::root;
+
+/// Which copy of a locked section an instruction belongs to.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Lock {
+    /// The lines of this workspace that lock, from the innermost to the outermost.
+    pub(super) site: Vec<Place>,
+    /// Whether the priority is raised.
+    pub(super) raises: bool,
+}
 
 /// A line of a source of this workspace.
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -76,7 +84,7 @@ pub(super) fn origins(image: &Image) -> Result<BTreeMap<u32, Origin>> {
                 continue;
             };
             origin.logs |= file.contains("/defmt");
-            if let Some(raises) = names.last().and_then(|function| twins::raises(file, function, line)) {
+            if let Some(raises) = names.last().and_then(|function| raises(file, function, line)) {
                 // The outermost lock counts, so the lines that lock begin anew.
                 origin.lock = Some(Lock { site: vec![], raises });
             }
@@ -154,9 +162,31 @@ fn end_of(lines: &[&str], from: usize) -> u32 {
     lines.len() as u32
 }
 
+/// Returns which copy of a section of RTIC's lock an instruction belongs to, at `line` of the library's `file`: the
+/// section without a raise is the last expression of the function. `None` for what surrounds the sections.
+fn raises(file: &str, function: &str, line: u32) -> Option<bool> {
+    // The lines are those of version 1.1.4, which Cargo.lock names.
+    let is_lock = file.ends_with("cortex-m-rtic-1.1.4/src/export.rs") && function.contains("lock");
+    match line {
+        221..=232 if is_lock => Some(true),
+        235 if is_lock => Some(false),
+        _ => None,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_the_sections_of_rtic_s_lock_have_copies() {
+        let file = "registry/cortex-m-rtic-1.1.4/src/export.rs";
+        assert_eq!(raises(file, "rtic::export::lock", 229), Some(true));
+        assert_eq!(raises(file, "rtic::export::lock", 235), Some(false));
+        assert_eq!(raises(file, "rtic::export::lock", 220), None);
+        assert_eq!(raises(file, "rtic::export::run", 229), None);
+        assert_eq!(raises("dpr-fw/src/main.rs", "lock", 229), None);
+    }
 
     #[test]
     fn an_explanation_holds_to_the_end_of_what_stands_below_it() {

@@ -8,31 +8,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::image::Image;
-use super::source::{Origin, Place};
+use super::source::{Lock, Origin, Place};
 
 /// The name that `explained.txt` calls these copies by.
 pub(super) const NAME: &str = "other copy of a locked section";
-
-/// Which copy of a locked section an instruction belongs to.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Lock {
-    /// The lines of this workspace that lock, from the innermost to the outermost.
-    pub(super) site: Vec<Place>,
-    /// Whether the priority is raised.
-    pub(super) raises: bool,
-}
-
-/// Returns which copy of a section of RTIC's lock an instruction belongs to, at `line` of the library's `file`: the
-/// section without a raise is the last expression of the function. `None` for what surrounds the sections.
-pub(super) fn raises(file: &str, function: &str, line: u32) -> Option<bool> {
-    // The lines are those of version 1.1.4, which Cargo.lock names.
-    let is_lock = file.ends_with("cortex-m-rtic-1.1.4/src/export.rs") && function.contains("lock");
-    match line {
-        221..=232 if is_lock => Some(true),
-        235 if is_lock => Some(false),
-        _ => None,
-    }
-}
 
 /// Returns the addresses of the copies that belong to another priority.
 pub(super) fn others(
@@ -76,15 +55,5 @@ mod tests {
         assert_eq!(others_if(&[0x100]), [0x104, 0x106]);
         assert_eq!(others_if(&[0x106]), [0x100, 0x102]);
         assert!(others_if(&[]).is_empty() && others_if(&[0x100, 0x106]).is_empty());
-    }
-
-    #[test]
-    fn only_the_sections_of_rtic_s_lock_have_copies() {
-        let file = "registry/cortex-m-rtic-1.1.4/src/export.rs";
-        assert_eq!(raises(file, "rtic::export::lock", 229), Some(true));
-        assert_eq!(raises(file, "rtic::export::lock", 235), Some(false));
-        assert_eq!(raises(file, "rtic::export::lock", 220), None);
-        assert_eq!(raises(file, "rtic::export::run", 229), None);
-        assert_eq!(raises("dpr-fw/src/main.rs", "lock", 229), None);
     }
 }
