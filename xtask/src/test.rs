@@ -116,8 +116,9 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
     let mut steps = Steps::default();
     if args.on == Place::Bench && args.board.is_none() && !args.on_target {
         let host = ["test", "--quiet", "--no-fail-fast", "--workspace", "--features", "xtask/live,xtask/probe"];
-        // A firmware is linked on one thread. The others compile the host tests meanwhile, in a folder of their own, but
-        // not those of this program, which would be replaced while it runs. If that fails, the host tests say so.
+        // A firmware is linked on one thread. The others compile the host tests meanwhile, in a folder of their own.
+        // This program's own tests are left out, since they would replace it while it runs. If the compilation fails,
+        // the host tests say so.
         let compiled = ["test", "--quiet", "--workspace", "--exclude", "xtask", "--no-run"];
         let mut compiler = cargo().args(compiled).spawn().context("could not start cargo")?;
         for gps in Receivers::ALL {

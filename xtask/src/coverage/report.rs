@@ -6,8 +6,7 @@ use std::fmt::Write as _;
 use serde_json::{Value, json};
 
 use super::explained::{Explained, Gaps, Measured, TABLE};
-use super::gaps::{Count, Coverage, Gap, Missing};
-use super::image::Function;
+use super::gaps::{Count, Gap, Missing};
 use super::part::Part;
 use super::source::Place;
 
@@ -191,7 +190,8 @@ pub(super) fn json(all: &[Measured]) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::coverage::gaps::Counts;
+    use crate::coverage::gaps::{Counts, Coverage};
+    use crate::coverage::image::Function;
 
     #[test]
     fn a_gap_is_listed_by_function_and_line_until_it_is_explained() {
