@@ -201,8 +201,8 @@ const DPR: &[Row] = &[
         Group::Cycle,
         450 * US,
         "as at a frame's end",
-        (3, CYCLE, 100 * US),
-        "design.md#publication, and a call a cycle",
+        (3, CYCLE, 20 * US),
+        "design.md#publication, and a call a cycle by scrub",
     ),
     (
         "scrub",
