@@ -372,7 +372,7 @@ mod app {
         cx.local.rf_edge.clear();
         receive(cx.shared.receiver, cx.shared.rotation, cx.shared.front_end);
         // Only the end of a frame raises the pin when most of the frame has arrived.
-        if cx.shared.receiver.has_most_of_a_frame() {
+        if cx.shared.receiver.verify_early() {
             FRAME_ENDS.store(true, Ordering::Relaxed);
             board::call(Task::commit);
         }
@@ -428,7 +428,10 @@ mod app {
         if !cx.shared.committing.deadline.clear() {
             begin(Task::deadline);
             let kept = &cx.shared.committing.kept;
-            if kept.is_intact() && !kept.get().0.has_lapsed(hw::now_us()) {
+            if !kept.is_intact() {
+                stop_changed(kept.address());
+            }
+            if !kept.get().0.has_lapsed(hw::now_us()) {
                 CHECK_IN.check_in(Task::deadline);
                 return;
             }

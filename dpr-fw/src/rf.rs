@@ -225,9 +225,9 @@ impl<P: FrontEndPort> Reception<P> {
         }
     }
 
-    /// Returns whether objects of the frame that is being received were verified already. If so, this verifies what is
-    /// kept of them.
-    pub fn has_most_of_a_frame(&mut self) -> bool {
+    /// Verifies what is kept of the objects that have arrived of the present frame. Returns whether there is any, which
+    /// is so when most of the frame has arrived.
+    pub fn verify_early(&mut self) -> bool {
         let begun = self.early.done() > 0;
         if begun {
             self.early.verify();
