@@ -558,9 +558,11 @@ mod tests {
         let mut arrived = vec![245];
         arrived.extend(&sent.as_bytes()[..200]);
         let mut early = Early::default();
-        early.follow::<3>(&arrived);
-        early.verify();
-        assert_eq!(early.done, 3);
+        for (length, done) in [(100, 1), (140, 2), (201, 3)] {
+            early.follow::<3>(&arrived[..length]);
+            early.verify();
+            assert_eq!(early.done, done, "of {length} bytes");
+        }
         early.timestamps[0] ^= 1 << 30;
         early.verify();
         assert_eq!(early, Early::default());

@@ -505,6 +505,17 @@ fn all_but_a_frames_last_bytes_are_verified_while_it_arrives() {
 }
 
 #[test]
+fn objects_are_verified_early_only_while_their_frame_arrives() {
+    let mut dpr = Dpr::<3>::in_sequence(ReadMode::WhileFilling);
+    assert!(!dpr.receiver.verify_early());
+    let end = dpr.send_cycle(4);
+    dpr.run_to(end - 20_000);
+    assert!(dpr.receiver.verify_early());
+    dpr.run_to(end + 1_000_000);
+    assert!(!dpr.receiver.verify_early());
+}
+
+#[test]
 fn the_age_at_publication_is_the_samples() {
     for read_mode in [ReadMode::WhileFilling, ReadMode::StoreAndForward] {
         let dpr = Dpr::<3>::in_sequence(read_mode);
