@@ -170,7 +170,7 @@ pub enum Wire {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Memory {
-    /// The buffers into which the DPR receives frames.
+    /// The buffers into which the DPR receives frames, or HORUS what its receivers send.
     Receive,
     /// The buffers from which the SSI reads the DPR's images.
     Images,
@@ -365,6 +365,10 @@ impl Disturbance {
             Self::Memory { board: Dpr, memory: Memory::Registers | Memory::Peripherals } => {
                 &[(Excuse::DprComplaints, Start(Dpr))]
             }
+            Self::Memory { board: Horus, memory: Memory::Receive } => &[
+                (Excuse::Ears, After(bounds::CYCLE)),
+                (Excuse::HorusComplaints, Start(Horus)),
+            ],
             Self::Memory { board: Horus, memory: Memory::Peripherals } => &[
                 (Excuse::Ears, Start(Horus)),
                 (Excuse::HorusComplaints, Start(Horus)),
@@ -659,6 +663,10 @@ mod tests {
             (of(Memory::Flash), vec![(FlashFault, None), (SelfTest, None), (DprComplaints, None)]),
             (of(Memory::Registers), vec![(DprComplaints, None)]),
             (Disturbance::Memory { board: horus, memory: Memory::Ram }, vec![(HorusComplaints, None)]),
+            (
+                Disturbance::Memory { board: horus, memory: Memory::Receive },
+                vec![(Ears, Some(bounds::CYCLE)), (HorusComplaints, None)],
+            ),
             (
                 Disturbance::Memory { board: horus, memory: Memory::Peripherals },
                 vec![(Ears, None), (HorusComplaints, None)],

@@ -7,7 +7,7 @@ use emulator_node::Threads;
 use super::class::{self, Class, Reading};
 use super::scope::Scope;
 use crate::faults::plan::LENGTH;
-use crate::faults::{AirFaults, BufferFault, Fault, Faults, Kind, Rng, Upset, name_of};
+use crate::faults::{AirFaults, Fault, Faults, Kind, Rng, Upset, name_of};
 use crate::sim::Bench;
 
 /// The length of a cycle of HORUS, virtual ns.
@@ -122,13 +122,7 @@ impl Plan {
             if let Some(upset) = upset {
                 words.push(upset.to_string());
                 let now = bench.now();
-                // The judge knows that the DPR may lose the frame whose bytes it finds changed in a receive buffer.
-                let received = match (board, upset) {
-                    (Board::Dpr, Upset::Ram { address, bit }) => BufferFault::of_receive(bench.dpr(), address, bit),
-                    _ => None,
-                };
-                let fault = received.map_or(Fault::Upset(board, upset), Fault::Buffer);
-                self.faults = Faults::none().with(now, now, fault);
+                self.faults = Faults::none().with(now, now, Fault::Upset(board, upset));
             }
         }
         bench.add_faults(&self.faults);

@@ -69,14 +69,6 @@ impl BufferFault {
         matches!(self, Self::Stuck(..))
     }
 
-    /// Returns the flip of this bit of RAM, if it is a bit of the receive buffers of the DPR on `node`.
-    #[must_use]
-    pub fn of_receive<B: Board, C: Cost>(node: &Node<B, C>, address: u32, bit: u8) -> Option<Self> {
-        let variable = node.firmware().variable_called(Buffers::Receive.variable())?;
-        let nth = u64::from(address).checked_sub(variable.address)?;
-        (nth < variable.size).then(|| Self::Flips(Buffers::Receive, 8 * nth + u64::from(bit)))
-    }
-
     /// Begins the fault on `node` now.
     ///
     /// # Errors

@@ -7,13 +7,20 @@ use cortex_m4::{Cost, Register};
 use emulator_part::{Part, StuckBit};
 
 use super::{Kind, Rng};
-use emulator_node::{Board, Error, Node};
+use emulator_node::{Board, Error, Firmware, Node};
 
 /// The bit that an upset flips.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Upset {
     /// A bit of RAM.
     Ram {
+        /// The byte's address.
+        address: u32,
+        /// The bit's number, 0 to 7.
+        bit: u8,
+    },
+    /// A bit of the RAM into which a board receives: its buffers of frames, or of what GNSS receivers send.
+    Received {
         /// The byte's address.
         address: u32,
         /// The bit's number, 0 to 7.
@@ -94,7 +101,7 @@ impl Upset {
     #[must_use]
     pub const fn name(&self) -> &'static str {
         match self {
-            Self::Ram { .. } | Self::Stuck { .. } => "ram",
+            Self::Ram { .. } | Self::Received { .. } | Self::Stuck { .. } => "ram",
             Self::Flash { .. } => "flash",
             Self::Register { .. } => "register",
             Self::Peripheral { .. } => "peripheral",
@@ -106,6 +113,7 @@ impl Upset {
     pub const fn memory(&self) -> Memory {
         match self {
             Self::Ram { .. } | Self::Stuck { .. } => Memory::Ram,
+            Self::Received { .. } => Memory::Receive,
             Self::Flash { .. } => Memory::Flash,
             Self::Register { .. } => Memory::Registers,
             Self::Peripheral { .. } => Memory::Peripherals,
@@ -116,7 +124,7 @@ impl Upset {
     #[must_use]
     pub const fn kind(&self) -> Kind {
         match self {
-            Self::Ram { .. } | Self::Stuck { .. } => Kind::Ram,
+            Self::Ram { .. } | Self::Received { .. } | Self::Stuck { .. } => Kind::Ram,
             Self::Flash { .. } => Kind::Flash,
             Self::Register { .. } => Kind::Registers,
             Self::Peripheral { .. } => Kind::Peripherals,
@@ -166,7 +174,10 @@ impl Upset {
     pub fn drawn_on<B: Board, C: Cost>(kind: Kind, rng: &mut Rng, node: &Node<B, C>) -> Option<Self> {
         match kind {
             Kind::Peripherals => a_stored_bit(rng, node),
-            _ => Self::drawn(kind, rng, &Targets::of(node).ok()?),
+            _ => Some(match Self::drawn(kind, rng, &Targets::of(node).ok()?)? {
+                Self::Ram { address, bit } if is_received(node.firmware(), address) => Self::Received { address, bit },
+                upset => upset,
+            }),
         }
     }
 
@@ -177,7 +188,7 @@ impl Upset {
     /// [`Error::NotMemory`] if there is no memory at the address.
     pub fn apply<B: Board, C: Cost>(&self, node: &mut Node<B, C>) -> Result<(), Error> {
         match *self {
-            Self::Ram { address, bit } | Self::Flash { address, bit } => {
+            Self::Ram { address, bit } | Self::Received { address, bit } | Self::Flash { address, bit } => {
                 let mut byte = [0];
                 node.read(u64::from(address), &mut byte)?;
                 node.write(u64::from(address), &[byte[0] ^ 1 << (bit & 7)])
@@ -207,7 +218,7 @@ impl Upset {
 impl std::fmt::Display for Upset {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::Ram { address, bit } => write!(f, "RAM {address:#010x} bit {bit}"),
+            Self::Ram { address, bit } | Self::Received { address, bit } => write!(f, "RAM {address:#010x} bit {bit}"),
             Self::Stuck { address, bit, value } => {
                 write!(f, "RAM {address:#010x} bit {bit} stuck at {}", u8::from(*value))
             }
@@ -223,6 +234,14 @@ impl std::fmt::Display for Upset {
             Self::Peripheral { address, bit } => write!(f, "register {address:#010x} bit {bit}"),
         }
     }
+}
+
+/// The variables into which the boards receive.
+const RECEIVED: [&str; 4] = ["__rtic_internal_local_init_receive", "buffers::RINGS", "spi::IN", "ddc::BYTES"];
+
+fn is_received(firmware: &Firmware, address: u32) -> bool {
+    let variables = RECEIVED.iter().filter_map(|name| firmware.variable_called(name));
+    variables.into_iter().any(|it| (it.address..it.address + it.size).contains(&u64::from(address)))
 }
 
 /// The addresses of peripheral registers in both microcontrollers, and of the core's own registers.

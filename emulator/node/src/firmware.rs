@@ -168,7 +168,9 @@ impl Firmware {
 
     /// The symbol, with its size, whose address [`Firmware::symbol_called`] returns.
     pub fn variable_called(&self, name: &str) -> Option<Symbol> {
-        let mut symbols = self.0.symbols.iter();
+        // A mangled symbol has each name of its path as it is.
+        let last = name.rsplit("::").next().unwrap_or(name);
+        let mut symbols = self.0.symbols.iter().filter(|(symbol, _)| symbol.contains(last));
         let called = |symbol: &str| {
             let path = symbol.trim_end_matches(|end: char| end.is_ascii_digit()).strip_suffix('.').unwrap_or(symbol);
             let path = format!("{:#}", rustc_demangle::demangle(path));

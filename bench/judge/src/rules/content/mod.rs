@@ -134,6 +134,12 @@ impl Line {
         });
     }
 
+    /// Records that HORUS may lose what has arrived since the instant `since`.
+    fn may_lose(&mut self, since: u64) {
+        let arrived = self.arriving.iter_mut().filter(|message| message.arrived > since);
+        arrived.for_each(|message| message.sure = false);
+    }
+
     fn pass(&mut self, now: u64) {
         while let Some(arrived) = self.solutions.pop_front_if(|arrived| *arrived <= now) {
             self.solution = Some(arrived);
@@ -377,6 +383,10 @@ impl Rule for Content {
                 if let Some(sure) = taken {
                     line.fed(at, *byte_ns, bytes, sure);
                 }
+            }
+            // What a receiver has sent may still wait for the parser.
+            What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Ears) => {
+                self.lines.iter_mut().for_each(|line| line.may_lose(at.saturating_sub(bounds::MESSAGE_TAKEN)));
             }
             What::Sent { started, whole: true, .. } => {
                 if let Some(frame) = context.frame()

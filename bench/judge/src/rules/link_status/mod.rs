@@ -11,7 +11,7 @@
 //!
 //! | violation | Link-Status is compared with |
 //! |---|---|
-//! | `LinkAge`, `LinkAgeOver` | the age of the last accepted Reported-Position, counted from its tick on the TICK pin |
+//! | `LinkAge`, `LinkAgeOver` | the age of the last accepted Reported-Position, counted from its tick on pin TICK |
 //! | `LinkCounters` | the frames at the antenna: counters lie within what is certain, and advance as they must |
 //! | `LinkFlags`, `LinkFlagsOver` | the frames at the antenna, the DPR's last start, and the injected faults |
 //! | `LinkTime` | the time since the DPR's start |

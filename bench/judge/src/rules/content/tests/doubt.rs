@@ -2,15 +2,20 @@
 
 use super::reported as reported_as;
 use super::*;
-use crate::Board;
-use crate::testing::COMMAND;
+use crate::disturbance::Memory;
+use crate::testing::{COMMAND, injected};
+use crate::{Board, Disturbance};
 
 fn disturbed(number: usize, taken: bool) -> Vec<(Violation, u64)> {
     let mut scene = Scene::new(1);
     scene.receivers[0][number].clean = false;
+    kinds(&taken_or_not(&scene, number, taken))
+}
+
+fn taken_or_not(scene: &Scene, number: usize, taken: bool) -> Events {
     let bursts = scene.receivers[0].clone();
     let (before, own) = (&bursts[number - 1], &bursts[number]);
-    scene.said(|cycle, reported, gps| {
+    scene.events(|cycle, reported, gps| {
         let tick = tick(cycle);
         if !taken && tick >= own.arrived() + MS && tick < bursts[number + 1].arrived() + MS {
             let (stale, values) = (tick - before.arrived() >= 150 * MS, before.values(gps[0].timestamp));
@@ -24,6 +29,27 @@ fn disturbed(number: usize, taken: bool) -> Vec<(Violation, u64)> {
 fn a_message_on_a_disturbed_line_may_have_been_taken_or_not() {
     assert_eq!(disturbed(5, true), []);
     assert_eq!(disturbed(5, false), []);
+}
+
+#[test]
+fn a_message_may_be_lost_while_it_waits_in_memory_that_flips() {
+    let scene = Scene::new(1);
+    let arrived = scene.receivers[0][5].arrived();
+    let lost_after_a_flip = |at, board| {
+        let mut events = taken_or_not(&scene, 5, false);
+        events.add(at, injected(Disturbance::Memory { board, memory: Memory::Receive }, at));
+        kinds(&events).is_empty()
+    };
+    for (at, may) in [
+        (scene.receivers[0][5].at - bounds::CYCLE, false),
+        (scene.receivers[0][5].at - bounds::CYCLE + 1, true),
+        (arrived - 1, true),
+        (scene.receivers[0][5].at + bounds::MESSAGE_TAKEN, true),
+        (arrived + bounds::MESSAGE_TAKEN, false),
+    ] {
+        assert_eq!(lost_after_a_flip(at, Board::Horus), may, "{at}");
+        assert!(!lost_after_a_flip(at, Board::Dpr), "{at}");
+    }
 }
 
 #[test]
