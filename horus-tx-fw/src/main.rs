@@ -126,7 +126,7 @@ mod app {
         #[lock_free]
         levels: Option<[Levels; INPUTS]>,
         #[lock_free]
-        lines: [GnssLine; RECEIVERS],
+        lines: [Checked<GnssLine>; RECEIVERS],
     }
 
     #[local]
@@ -205,7 +205,7 @@ mod app {
 
         let radio = Radio::new(&mut rcc, device.SPI1, device.TIM5, device.SYSCFG, &device.EXTI);
         state_inputs::set_up();
-        let lines = GnssLine::all(&mut rcc);
+        let lines = GnssLine::all(&mut rcc).map(Checked::new);
         let transmitter = Transmitter::start(PollerConfig::new(), &HORUS_TELEMETRY, radio);
         let mut timer = CycleTimer::new(device.TIM2);
         timer.start(&mut cx.core.SYST);
@@ -453,7 +453,7 @@ mod app {
     fn gnss_tick(cx: gnss_tick::Context) {
         begin(Step::GnssTick);
         for line in cx.shared.lines {
-            line.poll();
+            change(line, GnssLine::poll);
         }
         board::call(Task::parse);
         board::ask_for_signs_of_life();
@@ -461,9 +461,11 @@ mod app {
         settle();
     }
 
-    fn serve(task: Task, lines: &mut [GnssLine; RECEIVERS], (index, vector): (usize, Vector)) {
+    fn serve(task: Task, lines: &mut [Checked<GnssLine>; RECEIVERS], (index, vector): (usize, Vector)) {
         if let Some(line) = lines.get_mut(index) {
-            if line.interrupt(vector) {
+            // A bus has some 20 interrupts a cycle, all within a short time after the tick, which verifies its state.
+            let serve = |line: &mut GnssLine| line.interrupt(vector);
+            if if line.get().is_bus() { line.change_verified(serve) } else { change(line, serve) } {
                 board::call(Task::parse);
             }
         }
@@ -532,7 +534,7 @@ mod app {
         let now = cycle_timer::now_ms();
         for (index, kept) in cx.local.receivers.iter_mut().enumerate() {
             let ring = buffers::ring(index);
-            let written = ring.written();
+            let Some(written) = ring.written() else { stop_changed(ring.address()) };
             let (receiver, reader) = kept.get();
             let mut answer = None;
             // In most calls most receivers have sent nothing new. Their states then need no verification.

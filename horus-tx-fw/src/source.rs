@@ -89,6 +89,8 @@ pub const MESSAGE: usize = 48;
 pub struct Ring {
     bytes: [AtomicU8; RING],
     written: AtomicU32,
+    /// The complement of `written`. A flipped bit of either would make old bytes in the ring count as new.
+    not_written: AtomicU32,
 }
 
 impl Default for Ring {
@@ -101,7 +103,8 @@ impl Ring {
     /// Returns a ring into which no byte was written.
     #[must_use]
     pub const fn new() -> Self {
-        Self { bytes: [const { AtomicU8::new(0) }; RING], written: AtomicU32::new(0) }
+        let (written, not_written) = (AtomicU32::new(0), AtomicU32::new(!0));
+        Self { bytes: [const { AtomicU8::new(0) }; RING], written, not_written }
     }
 
     /// Returns the memory to which a DMA stream is to write its [`RING`] bytes.
@@ -113,22 +116,40 @@ impl Ring {
     /// Publishes how many bytes a DMA stream has written since the start (wraps).
     pub fn set_written(&self, written: u32) {
         self.written.store(written, Ordering::Release);
+        self.not_written.store(!written, Ordering::Release);
     }
 
     /// Appends bytes to the ring and publishes them.
     pub fn push(&self, bytes: impl IntoIterator<Item = u8>) {
-        let mut written = self.written.load(Ordering::Relaxed);
+        let before = self.written.load(Ordering::Relaxed);
+        let mut written = before;
         for byte in bytes {
             self.bytes[written as usize % RING].store(byte, Ordering::Relaxed);
             written = written.wrapping_add(1);
         }
+        // Both numbers move on by the same, so that a bit that has flipped in either stays known.
+        let not_written = self.not_written.load(Ordering::Relaxed).wrapping_sub(written.wrapping_sub(before));
         self.written.store(written, Ordering::Release);
+        self.not_written.store(not_written, Ordering::Release);
     }
 
-    /// Returns the number of bytes that were written since the start; it wraps.
+    /// Returns the number of bytes that were written since the start; it wraps. `None` if a bit of it has flipped.
     #[must_use]
-    pub fn written(&self) -> u32 {
-        self.written.load(Ordering::Acquire)
+    pub fn written(&self) -> Option<u32> {
+        loop {
+            let written = self.written.load(Ordering::Acquire);
+            let is_sound = self.not_written.load(Ordering::Acquire) == !written;
+            // The source may have interrupted this function between both loads.
+            if is_sound || self.written.load(Ordering::Acquire) == written {
+                return is_sound.then_some(written);
+            }
+        }
+    }
+
+    /// Returns the address of the numbers of bytes.
+    #[must_use]
+    pub fn address(&self) -> u32 {
+        (&raw const self.written).addr() as u32
     }
 
     /// Copies the bytes of `span` into `into`, as far as they fit, and returns them.
@@ -316,12 +337,12 @@ mod tests {
         let mut expected = 0_u8;
         for round in 0..40_u32 {
             let count = 1 + round * 37 % 256;
-            let first = ring.written() as u8;
+            let first = ring.written().unwrap() as u8;
             ring.push((0..count).map(|step| first.wrapping_add(step as u8)));
             let mut seen = Vec::new();
-            while reader.waiting(ring.written()) > 0 {
+            while reader.waiting(ring.written().unwrap()) > 0 {
                 let mut bytes = [0; 64];
-                let span = reader.take(ring.written(), RING, 64);
+                let span = reader.take(ring.written().unwrap(), RING, 64);
                 seen.extend_from_slice(ring.copy_out(span, &mut bytes));
             }
             assert_eq!(seen.len(), count as usize);
@@ -338,12 +359,29 @@ mod tests {
         let ring = Ring::new();
         let mut reader = Reader::new();
         ring.memory().iter().zip(1..).take(3).for_each(|(byte, value)| byte.store(value, Ordering::Relaxed));
-        assert_eq!(ring.written(), 0);
+        assert_eq!(ring.written(), Some(0));
         ring.set_written(3);
-        assert_eq!(ring.written(), 3);
+        assert_eq!(ring.written(), Some(3));
         let mut into = [0; RING];
-        let span = reader.take(ring.written(), RING, RING);
+        let span = reader.take(ring.written().unwrap(), RING, RING);
         assert_eq!(ring.copy_out(span, &mut into), [1, 2, 3]);
+    }
+
+    // Shows SAFE-17.
+    #[test]
+    fn a_flipped_bit_of_the_number_of_bytes_stays_known() {
+        for bit in 0..64 {
+            let ring = Ring::new();
+            ring.push([1, 2, 3]);
+            let number = if bit < 32 { &ring.written } else { &ring.not_written };
+            number.fetch_xor(1 << (bit % 32), Ordering::Relaxed);
+            assert_eq!(ring.written(), None, "bit {bit}");
+            ring.push([4]);
+            assert_eq!(ring.written(), None, "bit {bit}");
+            // A DMA stream's source keeps the number itself.
+            ring.set_written(4);
+            assert_eq!(ring.written(), Some(4), "bit {bit}");
+        }
     }
 
     #[test]

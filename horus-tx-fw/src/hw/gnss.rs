@@ -57,6 +57,11 @@ impl GnssLine {
         })
     }
 
+    /// Whether the receiver is on a bus, and so sends only in the transfers that each tick begins.
+    pub fn is_bus(&self) -> bool {
+        !matches!(self.kind, Kind::Uart(_))
+    }
+
     fn source(&mut self) -> &mut dyn Source {
         match &mut self.kind {
             Kind::Uart(source) => source,
