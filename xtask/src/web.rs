@@ -51,8 +51,9 @@ pub(crate) fn web() -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Not `web`: there cargo keeps what the profile of this name runs while it compiles, such as macros.
 pub(crate) fn folder() -> PathBuf {
-    target_dir().join("web")
+    target_dir().join("page")
 }
 
 /// Builds the page and returns its folder.
