@@ -51,7 +51,7 @@ pub(crate) fn web() -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Not `web`: there cargo keeps what the profile of this name runs while it compiles, such as macros.
+/// Returns the folder of the page. In `web` cargo keeps what that profile runs while it compiles, such as macros.
 pub(crate) fn folder() -> PathBuf {
     target_dir().join("page")
 }
