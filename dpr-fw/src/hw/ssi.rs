@@ -232,9 +232,9 @@ impl Ssi for SsiPort {
         with: impl FnOnce(Option<Received<ImageBuffer, ()>>) -> (Option<Received<ImageBuffer, ()>>, R),
     ) -> R {
         assert!(!self.granted, "the image is being streamed");
-        let before = self.image.as_ref().map(|image| image.memory().as_ptr());
+        let before = self.image.as_ref().map(Received::address);
         let (image, result) = with(self.image.take());
-        if let Some(image) = image.as_ref().filter(|image| Some(image.memory().as_ptr()) != before) {
+        if let Some(image) = image.as_ref().filter(|image| Some(image.address()) != before) {
             super::integrity::shown(image.memory());
         }
         self.image = image;
