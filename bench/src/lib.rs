@@ -8,8 +8,11 @@
 #![forbid(unsafe_code)]
 
 pub mod boards;
+#[cfg(feature = "runs")]
 pub mod campaign;
+#[cfg(feature = "runs")]
 mod danger;
+#[cfg(feature = "runs")]
 pub mod desk;
 pub mod faults;
 #[cfg(feature = "gdb")]

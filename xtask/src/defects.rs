@@ -364,11 +364,11 @@ pub(crate) fn defects(args: &DefectsArgs) -> Result<ExitCode> {
     Ok(if wrong == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-pub(crate) fn sample() -> Result<()> {
+/// Runs the sample of the defects on the bench of this program, whose path is `own`.
+pub(crate) fn sample(own: &Path) -> Result<()> {
     let chosen = chosen(|defect| SAMPLE.contains(&defect.name));
     copy()?;
-    let own = std::env::current_exe().context("could not find out where this program is")?;
-    match run(&chosen, &own, &Built::build()?)? {
+    match run(&chosen, own, &Built::build()?)? {
         0 => Ok(()),
         wrong => bail!("{wrong} runs are not as the table of defects says"),
     }

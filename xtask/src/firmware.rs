@@ -78,8 +78,6 @@ pub(crate) fn build_for_target(args: &[&str], name: &str) -> Result<PathBuf> {
     command
         .args(args)
         .args(["--release", "--target", TARGET, "--message-format", "json-render-diagnostics"])
-        // defmt reads the level of the log from this variable when the firmware is compiled.
-        .env("DEFMT_LOG", "info")
         .stdout(Stdio::piped());
     let mut child = command.spawn().with_context(|| format!("could not start {command:?}"))?;
     let lines = BufReader::new(child.stdout.take().context("cargo has no standard output")?).lines();

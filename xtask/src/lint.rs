@@ -2,21 +2,22 @@
 //! requirements and formatting. Then runs clippy and rustdoc with warnings as errors, for host and target, and checks
 //! the dependencies if cargo-deny is installed.
 
-use std::process::{Command, ExitCode, Stdio};
+use std::process::{ExitCode, Stdio};
 
 use anyhow::{Result, ensure};
 
 use crate::test::Steps;
-use crate::workspace::{FLIP_LINK, TARGET, cargo, check, install, metadata};
+use crate::test::jobs::{self, Job};
+use crate::workspace::{FLIP_LINK, TARGET, cargo, install, metadata};
 use crate::{Board, Image, Receivers, citations, style};
 
 pub(crate) fn lint() -> Result<ExitCode> {
     install(&FLIP_LINK)?;
-    let mut commands: Vec<(String, Command)> = vec![];
+    let mut jobs: Vec<Job> = vec![];
     let mut step = |what: String, args: &[&str]| {
         let mut command = cargo();
         command.args(args);
-        commands.push((what, command));
+        jobs.push(Job { what, command });
     };
     step("formatting".into(), &["fmt", "--all", "--check"]);
     for manifest in ["profile/fuzz/Cargo.toml", "base-station/fuzz/Cargo.toml"] {
@@ -73,14 +74,14 @@ pub(crate) fn lint() -> Result<ExitCode> {
         .args(["--lib", "--examples"])
         .args(programs(&metadata()?))
         .env("RUSTDOCFLAGS", "-D warnings");
-    commands.push(("documentation".into(), documentation));
+    jobs.push(Job { what: "documentation".into(), command: documentation });
     let mut steps = Steps::default();
     // cargo-deny takes minutes to compile and needs a network to read the list of advisories, so only `.ci/run`
     // installs it.
     if has_cargo_deny() {
         let mut command = cargo();
         command.args(["deny", "--log-level", "error", "check", "licenses", "bans", "sources"]);
-        commands.push(("licences, duplicates and sources of the dependencies (deny.toml)".into(), command));
+        jobs.push(Job { what: "licences, duplicates and sources of the dependencies (deny.toml)".into(), command });
     } else {
         steps.run("dependencies", || {
             const WORDS: &str =
@@ -96,9 +97,9 @@ pub(crate) fn lint() -> Result<ExitCode> {
     steps.run("layouts", crate::layout::check);
     steps.run("requirements", crate::trace::check);
     steps.run("public interfaces", crate::release::check_interfaces);
-    for (what, command) in &mut commands {
-        steps.run(what, || check(what, command));
-    }
+    // Cargo runs one command at a time in a folder of the target directory, and each target has its own.
+    let (on_target, host) = jobs.into_iter().partition(|job| job.command.get_args().any(|arg| arg == TARGET));
+    jobs::run(&mut steps, [host, on_target]);
     Ok(steps.verdict("lint"))
 }
 

@@ -74,7 +74,7 @@ enum Command {
     Gdb(gdb::GdbArgs),
     /// Run the link in real time, and show its base station's page.
     Live(LiveArgs),
-    /// Write the whole system as a page without a server, into target/web.
+    /// Write the whole system as a page without a server, into target/page.
     Web,
     /// Judge an event log again that `sim --events` stored.
     Judge(judge::JudgeArgs),

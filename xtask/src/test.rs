@@ -1,11 +1,16 @@
 //! Runs every test of the workspace, also after a failure, and lists the failures at the end.
 
+pub(crate) mod jobs;
+
 use std::path::Path;
 use std::process::{Command, ExitCode};
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 use emulator_node::Clock;
+
+use jobs::Job;
 
 use crate::run::Place;
 use crate::workspace::{TARGET, cargo, check, metadata};
@@ -33,6 +38,14 @@ pub(crate) struct TestArgs {
     #[command(flatten)]
     probe: ProbeArgs,
 }
+
+/// The arguments of `cargo test` for all tests of the host, and for those of the DPR with the port of a hold.
+const HOST: &[&str] = &["--workspace", "--features", "xtask/live,xtask/probe"];
+const WITH_HOLD: &[&str] = &["--package", "dpr-fw", "--features", "hold"];
+
+/// The test binaries that mostly wait for other programs: browsers and a broker. They run one after the other, since
+/// two browsers would disturb each other's measurements, beside those that compute.
+const WAITING: [&str; 3] = ["base-station: test browser", "xtask: bin xtask", "base-station: test broker"];
 
 /// Returns the packages that have tests called `name`: the name of a package, of a test binary or of a file of tests.
 /// With each package come the arguments for `cargo test` before `--` and, if the file is part of a larger binary, the
@@ -114,13 +127,15 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
     // is read before.
     let runner = std::env::current_exe().context("could not find out where this program is")?;
     let mut steps = Steps::default();
+    let (mut waiting, mut computing) = (vec![], vec![]);
     if args.on == Place::Bench && args.board.is_none() && !args.on_target {
-        let host = ["test", "--quiet", "--no-fail-fast", "--workspace", "--features", "xtask/live,xtask/probe"];
         // A firmware is linked on one thread. The others compile the host tests meanwhile, in a folder of their own.
-        // This program's own tests are left out, since they would replace it while it runs. If the compilation fails,
-        // the host tests say so.
-        let compiled = ["test", "--quiet", "--workspace", "--exclude", "xtask", "--no-run"];
-        let mut compiler = cargo().args(compiled).spawn().context("could not start cargo")?;
+        // If the compilation fails, the host tests say so.
+        let compiler = std::thread::spawn(|| {
+            for args in [HOST, WITH_HOLD] {
+                let _ = cargo().args(["test", "--quiet", "--no-run"]).args(args).status();
+            }
+        });
         for gps in Receivers::ALL {
             steps.run(&format!("both images build with {gps} receivers"), || firmware::build_pair(gps).map(drop));
         }
@@ -134,37 +149,53 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
             _ => anyhow::bail!("over budget"),
         });
         steps.run("the page without a server builds", || crate::web::write().map(drop));
-        steps.run("host tests compile", || compiler.wait().map(drop).context("could not wait for cargo"));
+        steps.run("host tests compile", || {
+            compiler.join().expect("it does not panic");
+            let (with_hold, tests) =
+                (jobs::binaries(WITH_HOLD, ", with the port of a hold")?, jobs::binaries(HOST, "")?);
+            jobs::is_complete(&metadata()?, &tests)?;
+            let mut doctests = cargo();
+            doctests.args(["test", "--quiet", "--no-fail-fast", "--doc"]).args(HOST);
+            let doctests = Job { what: "examples in documentation".into(), command: doctests };
+            for mut job in tests.into_iter().chain(with_hold).chain([doctests]) {
+                // Tests that run both firmwares need the firmwares' folder. Without it they would be skipped, or fail
+                // if CI is set.
+                job.command.env("LINK_IMAGES", firmware::folder()).env("LINK_WEB", crate::web::folder());
+                let waits = WAITING.contains(&job.what.as_str());
+                if waits { &mut waiting } else { &mut computing }.push(job);
+            }
+            Ok(())
+        });
         steps.run("the speed of the bench", crate::speed::check);
-        steps.run("a sample of the defects", crate::defects::sample);
-        // Tests that run both firmwares need the firmwares' folder. Without it they would be skipped, or fail if CI is
-        // set.
-        let images = firmware::folder();
-        steps.run("host tests", || {
-            check("cargo test", cargo().args(host).env("LINK_IMAGES", &images).env("LINK_WEB", crate::web::folder()))
-        });
-        steps.run("host tests of the DPR with the port of a hold", || {
-            check("cargo test", cargo().args(["test", "--quiet", "--package", "dpr-fw", "--features", "hold"]))
-        });
+        steps.run("a sample of the defects", || crate::defects::sample(&runner));
     }
+    crate::workspace::install(&crate::workspace::FLIP_LINK)?;
     for suite in args.board.map_or(Image::ALL.to_vec(), |suite| vec![suite]) {
-        if args.on == Place::Hardware {
-            let what = format!("on-target suite of {}", suite.name());
-            steps.run(&what, || on_target(&runner, suite, None, &args.probe));
-            continue;
-        }
-        for clock in args.clock.map_or(vec![Clock::Fast, Clock::Optimistic, Clock::Pessimistic], |clock| vec![clock]) {
-            let what = format!("on-target suite of {}, {clock} clock", suite.name());
-            steps.run(&what, || on_target(&runner, suite, Some(clock), &args.probe));
+        let all = vec![Some(Clock::Fast), Some(Clock::Optimistic), Some(Clock::Pessimistic)];
+        let clocks = match args.on {
+            Place::Hardware => vec![None],
+            Place::Bench => args.clock.map_or(all, |clock| vec![Some(clock)]),
+        };
+        for clock in clocks {
+            let clock_words = clock.map_or(String::new(), |clock| format!(", {clock} clock"));
+            let what = format!("on-target suite of {}{clock_words}", suite.name());
+            let mut command = on_target(&runner, suite, clock, &args.probe)?;
+            // A suite alone prints while it runs.
+            if computing.is_empty() {
+                steps.run(&what, || check("the suite", &mut command));
+            } else {
+                waiting.push(Job { what, command });
+            }
         }
     }
+    jobs::run(&mut steps, [waiting, computing]);
     Ok(steps.verdict("test"))
 }
 
-/// Runs the defmt-test suite of one image: on the bench with `clock`, for which the suite is built because its bounds
-/// depend on the clock, or on the real board without a clock. `runner` is the path of this program.
-fn on_target(runner: &Path, suite: Image, clock: Option<Clock>, probe: &ProbeArgs) -> Result<()> {
-    crate::workspace::install(&crate::workspace::FLIP_LINK)?;
+/// Returns the command that runs the defmt-test suite of one image: on the bench with `clock`, for which the suite is
+/// built because its bounds depend on the clock, or on the real board without a clock. `runner` is the path of this
+/// program.
+fn on_target(runner: &Path, suite: Image, clock: Option<Clock>, probe: &ProbeArgs) -> Result<Command> {
     let runner = runner.to_str().with_context(|| format!("{} is not Unicode", runner.display()))?;
     let mut runner = vec![runner.to_owned(), "run".into(), "--board".into(), suite.board().name().into()];
     match clock {
@@ -200,13 +231,12 @@ fn on_target(runner: &Path, suite: Image, clock: Option<Clock>, probe: &ProbeArg
         // The runner is given as a list, because its path may contain a space. JSON and TOML write such a list in the
         // same way.
         .arg("--config")
-        .arg(format!("target.{TARGET}.runner={}", serde_json::to_string(&runner)?))
-        .env("DEFMT_LOG", "info");
+        .arg(format!("target.{TARGET}.runner={}", serde_json::to_string(&runner)?));
     match clock {
         Some(clock) => command.env("ON_TARGET_CLOCK", clock.to_string()),
         None => command.env_remove("ON_TARGET_CLOCK"),
     };
-    check("the suite", &mut command)
+    Ok(command)
 }
 
 /// The steps of a command that goes on after a failure.
@@ -220,12 +250,18 @@ impl Steps {
     /// Runs a step, tells how long it took if that was long, and keeps its failure for the verdict.
     pub(crate) fn run(&mut self, what: &str, step: impl FnOnce() -> Result<()>) {
         eprintln!("-- {what}");
-        let began = std::time::Instant::now();
-        if let Err(error) = step() {
+        let began = Instant::now();
+        let result = step();
+        self.keep(what, began.elapsed(), result);
+    }
+
+    /// Keeps what came of a step that has run.
+    fn keep(&mut self, what: &str, took: Duration, result: Result<()>) {
+        if let Err(error) = result {
             self.failed.push(format!("{what}: {error:#}"));
         }
         self.ran += 1;
-        let seconds = began.elapsed().as_secs();
+        let seconds = took.as_secs();
         if seconds >= 5 {
             eprintln!("   took {seconds} s");
         }

@@ -51,8 +51,9 @@ pub(crate) fn web() -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Returns the folder of the page. In `web` cargo keeps what that profile runs while it compiles, such as macros.
 pub(crate) fn folder() -> PathBuf {
-    target_dir().join("web")
+    target_dir().join("page")
 }
 
 /// Builds the page and returns its folder.

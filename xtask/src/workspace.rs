@@ -51,6 +51,9 @@ pub(crate) fn target_dir() -> PathBuf {
 pub(crate) fn cargo() -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.current_dir(root()).env("PATH", path_with_tools());
+    // defmt's macros read the level of the log from this variable when a firmware is compiled, and cargo compiles them
+    // again, with all that depends on them, where it differs.
+    command.env("DEFMT_LOG", "info");
     // Cargo's variables for xtask's own package would be wrong for another package.
     for (key, _) in std::env::vars_os() {
         let name = key.to_string_lossy();

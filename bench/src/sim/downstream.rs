@@ -20,7 +20,7 @@ use super::marks::{DPR_SPI_HZ, HORUS_SPI_HZ, SSI_HZ, bus, of_tasks};
 use super::phases::{Edge, Phase, PhaseEvent, Sweeping};
 use super::recorder::Recorder;
 use super::upstream::Notes;
-use crate::boards::{Dpr, Hold, Horus};
+use crate::boards::{Dpr, Horus};
 use crate::faults::wires::Wires;
 use crate::faults::{BaseFault, Episode, Fault, Faults, Timeline, Turn};
 use crate::report;
@@ -157,7 +157,8 @@ impl<C: Cost> Link<C> {
         self.flight_controller.stats()
     }
 
-    pub(super) fn hold_board(&mut self) -> Option<&mut Node<Hold, C>> {
+    #[cfg(feature = "runs")]
+    pub(super) fn hold_board(&mut self) -> Option<&mut Node<crate::boards::Hold, C>> {
         self.hold.as_mut().map(Beside::node)
     }
 

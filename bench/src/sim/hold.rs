@@ -100,6 +100,7 @@ impl<C: Cost> Beside<C> {
         }
     }
 
+    #[cfg(feature = "runs")]
     pub(super) fn node(&mut self) -> &mut Node<Hold, C> {
         &mut self.node
     }

@@ -11,6 +11,7 @@ mod board_events;
 pub mod coverage;
 mod debugged;
 mod downstream;
+#[cfg(feature = "runs")]
 pub mod flips;
 mod hold;
 mod hold_board;
@@ -18,6 +19,7 @@ mod marks;
 pub mod phases;
 #[cfg(feature = "plot")]
 mod picture;
+#[cfg(feature = "runs")]
 pub mod processors;
 mod recorder;
 #[cfg(feature = "speed")]
@@ -31,7 +33,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use bench_judge::{Event, Findings, Header, Log, LogWriter, Verdict};
-use cortex_m4::{Cost, Fast, Optimistic, Pessimistic};
+use cortex_m4::{Cost, Fast};
+#[cfg(feature = "runs")]
+use cortex_m4::{Optimistic, Pessimistic};
 use emulator_part::Part;
 use gnss_sim::{Flight, LogError, Port, Receiver};
 use nrf52840::{Nrf52840, Settings};
@@ -585,6 +589,7 @@ fn report<C: Cost>(
 /// # Errors
 ///
 /// An ELF file cannot be loaded, a recording cannot be played, or a trace cannot be written.
+#[cfg(feature = "runs")]
 pub fn run(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome, Error> {
     match setup.clock {
         Clock::Fast => run_on::<Fast>(setup, observer),
@@ -593,6 +598,7 @@ pub fn run(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome, Error>
     }
 }
 
+#[cfg(feature = "runs")]
 fn run_on<C: Cost>(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome, Error> {
     let mut bench = Bench::<C>::new(setup)?;
     let mut kept = Outputs::begin(setup, &mut bench)?;

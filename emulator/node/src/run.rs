@@ -10,12 +10,18 @@ use std::str::FromStr;
 
 use cortex_m4::{Cost, Fast, Optimistic, Pessimistic};
 use emulator_part::{Part, Pins};
-use nrf52840::{Nrf52840, Settings};
-use stm32f429::{Oscillators, Stm32f429};
+use nrf52840::Nrf52840;
+#[cfg(feature = "target")]
+use nrf52840::Settings;
+#[cfg(feature = "target")]
+use stm32f429::Oscillators;
+use stm32f429::Stm32f429;
 
+#[cfg(feature = "target")]
+use super::AnyRun;
 use super::finding::{Finding, FindingKind};
 use super::rtt::LogLine;
-use super::{AnyRun, Connected, DrivenEdge, Error, Firmware, Halt, Leads, Node, PinEdge, ResetAt, SentByte, Stack};
+use super::{Connected, DrivenEdge, Error, Firmware, Halt, Leads, Node, PinEdge, ResetAt, SentByte, Stack};
 
 /// The clock of the core: what its instructions and exceptions cost, see [`cortex_m4::Cost`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -95,7 +101,10 @@ impl Target {
             Self::Stm32f429 => Stm32f429::PINS,
         }
     }
+}
 
+#[cfg(feature = "target")]
+impl Target {
     /// Runs `firmware` on this part with nothing around it, see [`run`].
     ///
     /// # Errors
