@@ -9,10 +9,12 @@
 //! | crystal fails | HORUS's crystal dies in flight |
 //! | tasks out of order | each task of either board is dead, and then runs although nothing has called it |
 //! | chips broken at the start | either board restarts beside each way in which its front end's chip can fail |
+//! | all values | receivers state all kinds of values: [`super::values`] |
 //! | every message | a receiver sends each UBX message that the parser knows, in many lengths |
 //! | tasks that fault | each task of either board executes an undefined instruction, one after the other |
 //! | wrong flash | either board starts with a program that its CRC does not fit |
 //! | hold: ... | [`super::hold_runs`] |
+//! | horus: ... | [`super::horus_runs`] |
 //! | what fails in turn | each failure of air, a chip, the flight controller, a register, a buffer, RAM, a receiver |
 //! | upsets | bits of RAM, flash and registers, each on a copy of the bench |
 //!
@@ -20,8 +22,9 @@
 //! others damage more at once than the link must bear, or the firmware itself, so the judge's verdict is not asked for.
 
 use super::hold_runs::hold_runs;
+use super::horus_runs::horus_runs;
 use super::run::{Addresses, Run};
-use super::scripted;
+use super::{messages, scripted, values};
 use bench::faults::{Board, ChipFault, Fault, Faults, ImageFault, Kind, PowerFault, tasks_of};
 
 /// The time that a board has from one damage to the next, ns: for the watchdog's reset and the start after it.
@@ -34,7 +37,7 @@ const DAMAGED: u64 = 60_000_000;
 const UNSEALED: u64 = 400_000_000;
 
 /// The time in which a receiver has sent every message, ns.
-const MESSAGES_NS: u64 = 14_000_000_000;
+const MESSAGES_NS: u64 = 25_000_000_000;
 
 /// Returns the runs of `duration_ns` with faults of `kinds`, and with damaged programs and in turn if `addresses` are
 /// given.
@@ -53,7 +56,7 @@ pub(super) fn runs(
         faults: Faults::none(),
         duration_ns,
         factory_settings: false,
-        every_message: false,
+        recordings: vec![],
         judged: true,
     };
     let drawn = |name: String, kinds: &[Kind]| {
@@ -74,7 +77,7 @@ pub(super) fn runs(
     runs.push(drawn("all kinds".into(), &kinds));
     let unjudged = |name: &str, faults, duration_ns| {
         let name = name.to_owned();
-        Run { name, faults, duration_ns, factory_settings: false, every_message: false, judged: false }
+        Run { name, faults, duration_ns, factory_settings: false, recordings: vec![], judged: false }
     };
     let (faults, end) = out_of_order(boards);
     runs.push(unjudged("tasks out of order", faults, end));
@@ -86,10 +89,15 @@ pub(super) fn runs(
         return runs;
     }
     runs.push(Run { name: "factory settings".into(), factory_settings: true, ..plain.clone() });
+    let more = horus_runs(&addresses.kept).into_iter();
+    runs.extend(more.map(|(name, faults, end)| unjudged(&format!("horus: {name}"), faults, end + BETWEEN)));
     let dead = Fault::Power(Board::Horus, PowerFault::CrystalDead);
     runs.push(unjudged("without crystal", Faults::none().with(0, u64::MAX, dead.clone()), 3 * BETWEEN));
     runs.push(unjudged("crystal fails", Faults::none().with(BETWEEN, u64::MAX, dead), 3 * BETWEEN));
-    runs.push(Run { every_message: true, ..unjudged("every message", Faults::none(), MESSAGES_NS) });
+    let recordings = vec![messages::recording()];
+    runs.push(Run { recordings, ..unjudged("every message", Faults::none(), MESSAGES_NS) });
+    let recordings = values::recordings(gps, seed);
+    runs.push(Run { recordings, ..unjudged("all values", Faults::none(), values::DURATION_NS) });
     for (board, crc) in [Board::Horus, Board::Dpr].into_iter().zip(crcs) {
         runs.push(damaged(board, crc));
     }
@@ -110,7 +118,7 @@ fn damaged(board: Board, crc: u32) -> Run {
     faults = faults.with(at + 1_000_000, at + 1_000_000, Fault::Power(board, PowerFault::Pin));
     let name = format!("damaged {}", bench::faults::name_of(board));
     let duration_ns = at + 2 * BETWEEN;
-    Run { name, faults, duration_ns, factory_settings: false, every_message: false, judged: false }
+    Run { name, faults, duration_ns, factory_settings: false, recordings: vec![], judged: false }
 }
 
 /// Each task of `boards` dead, and then run without a call; and the end, ns.

@@ -43,15 +43,16 @@ pub(super) fn runs(gps: usize, seed: u64, addresses: &Addresses, hold: bool) -> 
     let mut add = |name: &str, (faults, end): (Faults, u64)| {
         let duration_ns = end + RESTART;
         let name = name.to_owned();
-        runs.push(Run { name, faults, duration_ns, factory_settings: false, every_message: false, judged: false });
+        runs.push(Run { name, faults, duration_ns, factory_settings: false, recordings: vec![], judged: false });
     };
     add("air and chips in turn", Faults::in_turn(Kind::Air, gps, &mut rng, UP, TURN));
     add("flight controller in turn", flight_controller(gps, &mut rng));
     add("registers flip in turn", registers_flip(boards));
     add("many SPI glitches", glitches(boards, seed));
+    add("bring-ups", bring_ups(seed));
     add("stuck bits of buffers", stuck_buffers());
     add("interrupts without a task", without_task(boards));
-    let Addresses { ram, guards, hot, .. } = *addresses;
+    let Addresses { ram, guards, hot, .. } = addresses;
     for (nth, board) in [Board::Horus, Board::Dpr].into_iter().enumerate().filter(|(_, board)| boards.contains(board)) {
         let script = faulty_memory(board, ram[nth], guards[nth], hot[nth]);
         add(&format!("faulty memory of {}", bench::faults::name_of(board)), script);
@@ -99,6 +100,19 @@ fn glitches(boards: &[Board], seed: u64) -> (Faults, u64) {
     let end = UP + 6_000 * MS;
     let glitches = boards.iter().map(|board| Fault::Chip(*board, ChipFault::Glitches(seed)));
     (glitches.fold(Faults::none(), |faults, fault| faults.with(UP, end, fault)), end)
+}
+
+/// The DPR's front end is brought up again and again, over an SPI with glitches.
+fn bring_ups(seed: u64) -> (Faults, u64) {
+    const TIMES: u64 = 100;
+    let end = UP + TIMES * 25 * MS;
+    let chip = |fault| Fault::Chip(Board::Dpr, fault);
+    let mut faults = Faults::none().with(UP, end, chip(ChipFault::Glitches(seed)));
+    for (nth, fault) in (0..TIMES).zip([ChipFault::ReadsZeros, ChipFault::ReadsOnes].into_iter().cycle()) {
+        let begins = UP + nth * 25 * MS;
+        faults = faults.with(begins, begins + 3 * MS, chip(fault));
+    }
+    (faults, end)
 }
 
 /// A bit is stuck in each buffer in turn, then in the same place at a start, and bits of the images flip.
