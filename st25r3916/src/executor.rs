@@ -174,6 +174,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
             Waiting::Transfer if self.port.ended() => {
                 self.loading = false;
                 self.arrived = self.reading_to.take();
+                // Not covered: a transfer that has failed, as in HORUS's `response`.
                 let input = self.port.response().map_or(Input::Failed, Input::Done);
                 self.machine.step(input)
             }
@@ -200,6 +201,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
 
     /// Makes the machine continue after an event by calling `take`. Has no effect during a transfer or a wait.
     pub fn go_on(&mut self, take: impl FnOnce(&mut M) -> Step<M::Event>) -> Option<M::Event> {
+        // Not covered: a call while the machine waits: this owner calls only after an event.
         if self.waiting != Waiting::Owner {
             return None;
         }
@@ -213,6 +215,8 @@ impl<M: Machine, P: Port> Executor<M, P> {
     }
 
     fn carry_out(&mut self, mut step: Step<M::Event>) -> Option<M::Event> {
+        // Not covered: the end of the steps, as below, and a transfer that the port refuses: the machines ask only for
+        // bytes of their frame.
         for _ in 0..STEPS {
             step = match step {
                 Step::Transfer(transfer) => {
@@ -246,6 +250,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
         None
     }
 
+    // Not covered: transfers that the port refuses, as above, and kinds that the machine does not ask for.
     fn start(&mut self, transfer: Transfer) -> bool {
         match transfer {
             Transfer::Short(short) => {

@@ -279,6 +279,8 @@ impl Poller {
     }
 
     /// Takes one input and returns the next step.
+    // Not covered: inputs that the executor does not give in a state, and responses of another length than their
+    // transfer's.
     pub fn step(&mut self, input: Input<'_>) -> Step<PollerEvent> {
         if matches!(input, Input::Failed) {
             return self.fault(Fault::Bus);

@@ -98,6 +98,8 @@ impl Sender {
     /// Takes one input in state `state`. After [`SendState::Prepared`] the machine continues with [`Sender::head`].
     #[inline(always)]
     pub(crate) fn step(&mut self, state: SendState, input: Input<'_>) -> Sending {
+        // Not covered: inputs that the executor does not give in a state, copies that the owner's own states come
+        // before, and a frame without a rest: all are longer than a head.
         match (state, input) {
             (SendState::PreparingClear, Input::Done(_)) => {
                 let length = Short::new([command::WRITE | reg::TRANSMIT_LENGTH, self.len >> 5, self.len << 3]);
@@ -124,12 +126,14 @@ impl Sender {
 
     #[inline(always)]
     pub(crate) fn head(&self) -> Sending {
+        // Not covered: a frame that is shorter than a head, which nobody sends.
         load(SendState::LoadingHead, 0, usize::from(self.len).min(HEAD))
     }
 
     /// Continues after the transmit command: loads the rest of the payload, if there is one.
     #[inline(always)]
     pub(crate) fn rest(&self) -> Sending {
+        // Not covered: a frame without a rest, as above.
         match usize::from(self.len).checked_sub(HEAD) {
             None | Some(0) => self.wait(),
             Some(rest) => load(SendState::LoadingRest, HEAD, rest),
@@ -140,6 +144,7 @@ impl Sender {
     /// is assumed for that time.
     fn wait(&self) -> Sending {
         let rest = u32::from(self.len).saturating_sub(HEAD as u32);
+        // Not covered: an air time of whole microseconds, which no length of frame has.
         Sending::Wait(SendState::OnAir, air_time_us(self.len) + TRANSMIT_MARGIN_US - rest * 8 / 10)
     }
 

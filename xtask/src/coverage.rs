@@ -189,6 +189,7 @@ fn fly(args: &CoverageArgs, gps: Receivers) -> Result<Vec<Flown>> {
             ram: of_both(|image| image.ram),
             guards: of_both(|image| image.guard),
             hot: of_both(|image| image.hot),
+            handlers: [horus.image.start_of("TIM2"), flown_dpr.image.start_of("TIMER1")],
             kept: horus.image.kept.clone(),
         };
         for &seed in &args.seeds {
@@ -236,8 +237,8 @@ fn flights_of(args: &CoverageArgs, setup: &Setup, records: &Records, addresses: 
     // says.
     let seed = |run: &Run| if run.name.starts_with("hold: ") { setup.seed + run.name.len() as u64 } else { setup.seed };
     let flight = |run: Run| {
-        // The older of the two chips is on the boards in two of these runs.
-        let is_older = ["hold: memory", "hold: starts"].contains(&run.name.as_str());
+        // The older of the two chips is on the boards in these runs.
+        let is_older = ["hold: memory", "hold: starts", "misreads"].contains(&run.name.as_str());
         let older = || on_the_link(FrontEndConfig::st25r3916());
         let front_ends = if is_older { older() } else { setup.front_ends.clone() };
         let setup = Setup { seed: seed(&run), front_ends, ..setup.clone() };

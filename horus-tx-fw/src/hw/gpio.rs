@@ -45,6 +45,7 @@ pub(super) fn enable_ports() {
 
 #[inline(always)]
 fn block(port: GpioPort) -> &'static gpioa::RegisterBlock {
+    // Not covered: the ports that no pin of the caller is on. A caller that holds its pins in a variable keeps all.
     let block: *const gpioa::RegisterBlock = match port {
         GpioPort::A => pac::GPIOA::ptr(),
         GpioPort::B => pac::GPIOB::ptr().cast(),
@@ -68,9 +69,11 @@ const fn with_field(word: u32, field: u8, width: u8, value: u32) -> u32 {
 }
 
 fn configure(pin: Pin, mode: u32, speed: Speed, pull: Pull) {
+    // Not covered: as in `block`.
     let port = block(pin.port);
     // SAFETY: every two-bit value of these registers is defined except 0b11 of PUPDR, which `Pull` does not have, and
     // only this pin's field changes.
+    // Not covered: copies of these accesses for ports that no pin of the caller is on.
     unsafe {
         port.pupdr().modify(|r, w| w.bits(with_field(r.bits(), pin.number, 2, pull as u32)));
         port.ospeedr().modify(|r, w| w.bits(with_field(r.bits(), pin.number, 2, speed as u32)));
@@ -80,9 +83,11 @@ fn configure(pin: Pin, mode: u32, speed: Speed, pull: Pull) {
 
 pub(super) fn alternate(alternate: AlternatePin, speed: Speed, pull: Pull) {
     let AlternatePin { pin, function } = alternate;
+    // Not covered: as in `block`.
     let port = block(pin.port);
     let function = u32::from(function & 0xF);
     // SAFETY: every four-bit value is one of the alternate functions, and only this pin's field changes.
+    // Not covered: such copies, and the other half of the pins where all pins of the caller are in one.
     unsafe {
         if pin.number < 8 {
             port.afrl().modify(|r, w| w.bits(with_field(r.bits(), pin.number, 4, function)));
@@ -90,6 +95,7 @@ pub(super) fn alternate(alternate: AlternatePin, speed: Speed, pull: Pull) {
             port.afrh().modify(|r, w| w.bits(with_field(r.bits(), pin.number - 8, 4, function)));
         }
     }
+    // Not covered: such copies.
     configure(pin, ALTERNATE, speed, pull);
 }
 
@@ -105,23 +111,28 @@ pub(super) fn open_drain(alternate_pin: AlternatePin) {
     let AlternatePin { pin, .. } = alternate_pin;
     write(pin, true);
     // SAFETY: the register has one bit for each pin, and only this pin's bit changes.
+    // Not covered: copies for other ports, as in `configure`.
     block(pin.port).otyper().modify(|r, w| unsafe { w.bits(with_field(r.bits(), pin.number, 1, 1)) });
+    // Not covered: such copies.
     alternate(alternate_pin, Speed::Low, Pull::None);
 }
 
 /// Takes a pin from its peripheral, so that [`write`] drives it. [`open_drain`] has set the pin up. Only the tasks of
 /// the receivers' sources may call this.
 pub(super) fn drive(pin: Pin) {
+    // Not covered: copies for other ports, as in `configure`.
     set_mode(pin, OUTPUT);
 }
 
 /// Gives a pin back to its peripheral. Only the tasks of the receivers' sources may call this.
 pub(super) fn connect(pin: Pin) {
+    // Not covered: such copies.
     set_mode(pin, ALTERNATE);
 }
 
 fn set_mode(pin: Pin, mode: u32) {
     // SAFETY: every two-bit value is a mode, and only this pin's field changes.
+    // Not covered: copies for other ports, as in `configure`.
     block(pin.port).moder().modify(|r, w| unsafe { w.bits(with_field(r.bits(), pin.number, 2, mode)) });
 }
 
@@ -131,12 +142,15 @@ pub(super) fn input(pin: Pin, pull: Pull) {
 
 #[inline(always)]
 pub(super) fn write(pin: Pin, high: bool) {
+    // Not covered: copies for other ports, as in `configure`.
     let set = 1 << pin.number;
     // SAFETY: BSRR changes only the pins whose bit is one: its low half sets them, and its high half resets them.
+    // Not covered: copies for other ports, as in `configure`.
     block(pin.port).bsrr().write(|w| unsafe { w.bits(if high { set } else { set << 16 }) });
 }
 
 #[inline(always)]
 pub(super) fn is_high(pin: Pin) -> bool {
+    // Not covered: copies for other ports, as in `configure`.
     block(pin.port).idr().read().bits() & 1 << pin.number != 0
 }

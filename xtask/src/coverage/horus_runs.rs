@@ -9,7 +9,7 @@
 //! The judge's verdict is not asked for, since HORUS stops in many of them.
 
 use bench::faults::receivers::{BusFault, ReceiverFault};
-use bench::faults::{Board, Fault, Faults, Upset, interrupt_of, tasks_of};
+use bench::faults::{Board, Fault, Faults, InputFault, Upset, interrupt_of, tasks_of};
 
 const MS: u64 = 1_000_000;
 
@@ -21,6 +21,9 @@ const RESTART: u64 = 500 * MS;
 
 /// The receiver on I2C.
 const ON_I2C: usize = 1;
+
+/// The receiver on SPI.
+const ON_SPI: usize = 2;
 
 /// The control registers of the DMA streams that serve receivers (RM0090, "DMA register map"): UART in, I2C in, SPI in
 /// and SPI out. Bit 0 is EN.
@@ -62,26 +65,56 @@ fn buses() -> (Faults, u64) {
     // Pulses on SDA while the receiver has more bytes than can be read: many bus errors in a cycle.
     faults = faults.with(at, at + 200 * MS, Fault::Receiver(ON_I2C, ReceiverFault::Babbles));
     at += 100 * MS;
-    for _ in 0..1_000 {
-        faults = faults.with(at, at + 1_000, low.clone());
-        at += 20_000;
+    faults = faults.with(at, at + 50 * MS, Fault::Receiver(ON_I2C, ReceiverFault::Bus(BusFault::Pulses)));
+    // The receiver on SPI is configured while its transfers stop in different parts of them.
+    at += 100 * MS;
+    faults = faults.with(at, at + 10 * MS, Fault::Receiver(ON_SPI, ReceiverFault::LosesSettings));
+    for _ in 0..150 {
+        let upset = Fault::Upset(Board::Horus, Upset::Peripheral { address: STREAMS[2], bit: 0 });
+        faults = faults.with(at, at, upset);
+        at += 10_370_000;
     }
-    (faults, at + 100 * MS)
+    (faults, at)
 }
 
 fn late_tasks() -> (Faults, u64) {
     const LATE: u64 = 25 * MS;
     let (mut faults, mut at) = (Faults::none(), 1_000 * MS);
-    for task in 0..tasks_of(Board::Horus).len() as u8 {
+    // The first task is late from three parts of a cycle on.
+    for task in [0, 0].into_iter().chain(0..tasks_of(Board::Horus).len() as u8) {
         let Some(interrupt) = interrupt_of(Board::Horus, task) else { continue };
         let (address, bit) = (ISER + 4 * u32::from(interrupt / 32), (interrupt % 32) as u8);
         let again = Fault::Upset(Board::Horus, Upset::Peripheral { address, bit });
         faults = faults.with(at, at, Fault::DeadTask(Board::Horus, task));
         faults = faults.with(at, at + LATE, Fault::Receiver(0, ReceiverFault::Babbles));
         faults = faults.with(at + LATE, at + LATE, again);
-        at += LATE + RESTART / 2;
+        at += LATE + RESTART / 2 + 3_300_000;
+    }
+    // Meanwhile two state inputs at a time are active or contradict themselves.
+    let mut begins = FIRST;
+    for (one, other) in [(0, 1), (0, 2), (1, 2)] {
+        for pair in [0, 1, 2, 3].map(|nth| [InputFault::ALL[nth / 2], InputFault::ALL[nth % 2]]) {
+            for (input, fault) in [one, other].into_iter().zip(pair) {
+                faults = faults.with(begins, begins + 100 * MS, Fault::Input(input, fault));
+            }
+            begins += RESTART;
+        }
     }
     (faults, at)
+}
+
+/// The transfers of the receiver on SPI stop in several cycles in a row, again and again until `end`, ns: what the
+/// receiver has sent then counts as old.
+pub(super) fn spi_pauses(end: u64) -> Faults {
+    let mut faults = Faults::none();
+    for begins in (FIRST..end).step_by(303_700_000) {
+        for nth in 0..8 {
+            let at = begins + nth * 10 * MS;
+            let upset = Fault::Upset(Board::Horus, Upset::Peripheral { address: STREAMS[2], bit: 0 });
+            faults = faults.with(at, at, upset);
+        }
+    }
+    faults
 }
 
 fn kept_state(kept: &[u32]) -> (Faults, u64) {

@@ -135,6 +135,11 @@ impl Image {
         image
     }
 
+    /// The address of the function of this name, 0 if there is none.
+    pub(super) fn start_of(&self, name: &str) -> u32 {
+        self.functions.iter().find(|function| function.name == name).map_or(0, |function| function.start)
+    }
+
     /// Notes each function whose address, with bit 0 set, is in `bytes`: as a word, or as the low half in a `MOVW`.
     fn know_addresses_in(&mut self, bytes: &[u8]) {
         let halves: Vec<u32> = bytes.as_chunks().0.iter().map(|half| u16::from_le_bytes(*half).into()).collect();

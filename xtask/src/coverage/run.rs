@@ -26,6 +26,8 @@ pub(super) struct Addresses {
     pub(super) guards: [u32; 2],
     /// The ends of the code that runs from RAM; 0 for none.
     pub(super) hot: [u32; 2],
+    /// The handler of the most urgent task of the cycle.
+    pub(super) handlers: [u32; 2],
     /// State that HORUS keeps from one task to the next.
     pub(super) kept: Vec<u32>,
 }
@@ -38,5 +40,6 @@ impl Addresses {
         ram: [0x2000_0000, 0x2001_0000],
         guards: [0x2000_0100, 0x2001_0100],
         hot: [0, 0x80_C000],
+        handlers: [0x300, 0x400],
     };
 }

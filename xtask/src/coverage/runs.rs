@@ -22,7 +22,7 @@
 //! others damage more at once than the link must bear, or the firmware itself, so the judge's verdict is not asked for.
 
 use super::hold_runs::hold_runs;
-use super::horus_runs::horus_runs;
+use super::horus_runs::{horus_runs, spi_pauses};
 use super::run::{Addresses, Run};
 use super::{messages, scripted, values};
 use bench::faults::{Board, ChipFault, Fault, Faults, ImageFault, Kind, PowerFault, tasks_of};
@@ -32,6 +32,11 @@ const BETWEEN: u64 = 1_200_000_000;
 
 /// How long the code of a task stays damaged, ns. It is mended before the watchdog restarts the board.
 const DAMAGED: u64 = 60_000_000;
+
+/// Beginnings of a handler that fault in other ways than by an undefined instruction: a breakpoint without a debugger;
+/// a load from an address without memory; a write into the program; an undefined instruction without a stack.
+const FAULTING: [&[u16]; 4] =
+    [&[0xBE00], &[0x2006, 0x0700, 0x6800], &[0x2008, 0x0600, 0x6000], &[0x2006, 0x0700, 0x4685, 0xDE00]];
 
 /// How long the program's CRC stays wrong, ns: over several starts.
 const UNSEALED: u64 = 400_000_000;
@@ -72,7 +77,7 @@ pub(super) fn runs(
     let mut runs = vec![plain.clone()];
     runs.extend(kinds.iter().map(|kind| drawn(kind.to_string(), &[*kind])));
     let Some(addresses) = addresses else { return runs };
-    let crcs = addresses.crcs;
+    let Addresses { crcs, handlers, .. } = addresses;
     runs.extend(scripted::runs(gps, seed, &addresses, hold));
     runs.push(drawn("all kinds".into(), &kinds));
     let unjudged = |name: &str, faults, duration_ns| {
@@ -84,7 +89,7 @@ pub(super) fn runs(
     let (faults, end) = broken_at_the_start(boards);
     runs.push(unjudged("chips broken at the start", faults, end));
     if hold {
-        runs.push(damaged(Board::Dpr, crcs[1]));
+        runs.push(damaged(Board::Dpr, crcs[1], handlers[1]));
         runs.extend(hold_runs().into_iter().map(|(name, faults, end)| unjudged(&format!("hold: {name}"), faults, end)));
         return runs;
     }
@@ -97,21 +102,27 @@ pub(super) fn runs(
     let recordings = vec![messages::recording()];
     runs.push(Run { recordings, ..unjudged("every message", Faults::none(), MESSAGES_NS) });
     let recordings = values::recordings(gps, seed);
-    runs.push(Run { recordings, ..unjudged("all values", Faults::none(), values::DURATION_NS) });
-    for (board, crc) in [Board::Horus, Board::Dpr].into_iter().zip(crcs) {
-        runs.push(damaged(board, crc));
+    runs.push(Run { recordings, ..unjudged("all values", spi_pauses(values::DURATION_NS), values::DURATION_NS) });
+    for (nth, board) in [Board::Horus, Board::Dpr].into_iter().enumerate() {
+        runs.push(damaged(board, crcs[nth], handlers[nth]));
     }
     runs
 }
 
-/// A run in which each task of `board` faults, and in which the board then starts with a wrong CRC at the address
-/// `crc`.
-fn damaged(board: Board, crc: u32) -> Run {
+/// A run in which each task of `board` faults, the task with the handler at the address `handler` in several ways, and
+/// in which the board then starts with a wrong CRC at the address `crc`.
+fn damaged(board: Board, crc: u32, handler: u32) -> Run {
     let mut faults = Faults::none();
     let mut at = BETWEEN;
     for (_, vector) in tasks_of(board) {
         faults = faults.with(at, at + DAMAGED, Fault::Image(board, ImageFault::Faulting((*vector).to_owned())));
         at += BETWEEN;
+    }
+    for code in FAULTING {
+        let bytes = code.iter().flat_map(|half| half.to_le_bytes()).collect();
+        let patch = ImageFault::Patch { address: handler, bytes, sealed: true };
+        faults = faults.with(at, at + DAMAGED, Fault::Image(board, patch));
+        at += BETWEEN / 2;
     }
     let wrong = ImageFault::Patch { address: crc, bytes: vec![0; 4], sealed: false };
     faults = faults.with(at, at + UNSEALED, Fault::Image(board, wrong));
@@ -162,7 +173,7 @@ mod tests {
         let damaged: Vec<_> = runs.iter().filter(|run| run.name.starts_with("damaged")).collect();
         assert_eq!(damaged.len(), 2);
         for (run, board) in damaged.iter().zip([Board::Horus, Board::Dpr]) {
-            assert_eq!(run.faults.episodes().len(), tasks_of(board).len() + 2);
+            assert_eq!(run.faults.episodes().len(), tasks_of(board).len() + FAULTING.len() + 2);
         }
     }
 }

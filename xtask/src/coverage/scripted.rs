@@ -1,8 +1,8 @@
 //! Runs that visit the failures of one part after the other, each once and at a time of its own.
 
 use bench::faults::{
-    Board, BufferFault, Buffers, ChipFault, Conduct, Fault, Faults, FrontEndFault, Kind, PowerFault, ReceiverFault,
-    Rng, Upset,
+    Board, BufferFault, Buffers, ChipFault, Conduct, Fault, Faults, FrontEndFault, HoldBoardFault, HoldFault, Kind,
+    PowerFault, ReceiverFault, Rng, Upset,
 };
 
 use super::run::{Addresses, Run};
@@ -49,7 +49,7 @@ pub(super) fn runs(gps: usize, seed: u64, addresses: &Addresses, hold: bool) -> 
     add("flight controller in turn", flight_controller(gps, &mut rng));
     add("registers flip in turn", registers_flip(boards));
     add("many SPI glitches", glitches(boards, seed));
-    add("bring-ups", bring_ups(seed));
+    add("misreads", misreads(boards, hold));
     add("stuck bits of buffers", stuck_buffers());
     add("interrupts without a task", without_task(boards));
     let Addresses { ram, guards, hot, .. } = addresses;
@@ -102,17 +102,44 @@ fn glitches(boards: &[Board], seed: u64) -> (Faults, u64) {
     (glitches.fold(Faults::none(), |faults, fault| faults.with(UP, end, fault)), end)
 }
 
-/// The DPR's front end is brought up again and again, over an SPI with glitches.
-fn bring_ups(seed: u64) -> (Faults, u64) {
-    const TIMES: u64 = 100;
-    let end = UP + TIMES * 25 * MS;
-    let chip = |fault| Fault::Chip(Board::Dpr, fault);
-    let mut faults = Faults::none().with(UP, end, chip(ChipFault::Glitches(seed)));
-    for (nth, fault) in (0..TIMES).zip([ChipFault::ReadsZeros, ChipFault::ReadsOnes].into_iter().cycle()) {
-        let begins = UP + nth * 25 * MS;
-        faults = faults.with(begins, begins + 3 * MS, chip(fault));
+/// The front ends answer each read of the registers that are checked with another value.
+fn misreads(boards: &[Board], hold: bool) -> (Faults, u64) {
+    // The first byte of a read, the place of a byte behind it and the bits that are inverted: a chip of another type; a
+    // supply beyond its limits; operation control (reset or not), mode and bit rate; the mask of interrupts (reset or
+    // not), interrupts, errors and the level of the FIFO; no carrier; main and timer interrupts.
+    const READS: [(u8, u8, u8); 17] = [
+        (0x7F, 1, 0xF8),
+        (0x65, 1, 0x80),
+        (0x65, 1, 0x3F),
+        (0x42, 1, 0x80),
+        (0x42, 1, 0x04),
+        (0x42, 2, 0x01),
+        (0x42, 3, 0x01),
+        (0x59, 1, 0xFF),
+        (0x59, 1, 0x01),
+        (0x59, 2, 0x08),
+        (0x59, 4, 0x30),
+        (0x59, 6, 0x05),
+        (0x59, 7, 0xC0),
+        (0x59, 7, 0x30),
+        (0x71, 1, 0xFF),
+        (0x5A, 1, 0x80),
+        (0x5A, 2, 0x80),
+    ];
+    let (mut faults, mut at) = (Faults::none(), UP);
+    for (first, place, flips) in READS {
+        // Several of these registers are read only while a chip is brought up, which a transfer that fails causes.
+        let fault = ChipFault::Misreads { first, place, flips };
+        for (lasts, fault) in [(45 * MS, ChipFault::ReadsZeros), (150 * MS, fault)] {
+            let of_boards = boards.iter().map(|board| Fault::Chip(*board, fault));
+            let of_hold = hold.then_some(Fault::Hold(HoldFault::Board(HoldBoardFault::Chip(fault))));
+            for failure in of_boards.chain(of_hold) {
+                faults = faults.with(at, at + lasts, failure);
+            }
+        }
+        at += 270 * MS;
     }
-    (faults, end)
+    (faults, at)
 }
 
 /// A bit is stuck in each buffer in turn, then in the same place at a start, and bits of the images flip.
