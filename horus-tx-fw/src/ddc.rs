@@ -306,7 +306,6 @@ impl Ddc {
                     Order::PutAddressed(self.message_byte(0).unwrap_or(WAITING))
                 }
             },
-            // Not covered: an event of another kind in this state: only a sent byte or an error comes in it.
             State::Writing(Phase::Select(len), _) if events.byte_sent => self.start(Phase::Waiting(len)),
             // Not covered: likewise.
             State::Writing(Phase::Message, sent) if events.byte_sent => match self.message_byte(sent) {

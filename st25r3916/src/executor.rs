@@ -171,10 +171,10 @@ impl<M: Machine, P: Port> Executor<M, P> {
     /// comes. After an event the owner calls [`Executor::resume`], [`Executor::go_on`] or [`Executor::resume_later`].
     pub fn poll(&mut self) -> Option<M::Event> {
         let step = match self.waiting {
+            // Not covered: a transfer that has failed, as in HORUS's `response`, and an end where none is awaited.
             Waiting::Transfer if self.port.ended() => {
                 self.loading = false;
                 self.arrived = self.reading_to.take();
-                // Not covered: a transfer that has failed, as in HORUS's `response`.
                 let input = self.port.response().map_or(Input::Failed, Input::Done);
                 self.machine.step(input)
             }

@@ -354,6 +354,7 @@ impl Poller {
     }
 
     fn progress(&mut self, progress: Progress) -> Step<PollerEvent> {
+        // Not covered: a copy for the beginning of a bring-up, which is a transfer.
         match progress {
             Progress::Transfer(short) => Step::Transfer(Transfer::Short(short)),
             Progress::Wait(us) => Step::Wait { us },

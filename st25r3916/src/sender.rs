@@ -85,6 +85,7 @@ impl Sender {
     /// # Errors
     /// [`SendError`] if no frame can begin. Then nothing is changed.
     pub(crate) fn prepare(&mut self, len: usize, ready: bool) -> Result<Sending, SendError> {
+        // Not covered: a length that no owner asks for.
         let Ok(len @ 1..=254) = u8::try_from(len) else {
             return Err(SendError::Length);
         };
@@ -143,6 +144,7 @@ impl Sender {
     /// Waits for the end of the frame. The time of the load counts as part of the wait. An SPI of 10 MHz, the fastest,
     /// is assumed for that time.
     fn wait(&self) -> Sending {
+        // Not covered: a frame without a rest, as above.
         let rest = u32::from(self.len).saturating_sub(HEAD as u32);
         // Not covered: an air time of whole microseconds, which no length of frame has.
         Sending::Wait(SendState::OnAir, air_time_us(self.len) + TRANSMIT_MARGIN_US - rest * 8 / 10)

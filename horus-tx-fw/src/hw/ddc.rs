@@ -259,7 +259,6 @@ impl Source for DdcSource {
         // Errors that came between transactions are dropped. Otherwise the first of them would end the next
         // transaction.
         let _ = self.take_events();
-        // Not covered: for a read under way, a STOP that is requested: the end of the read requests it.
         let order = self.ddc.poll(self.bus());
         self.carry_out(order);
         if let Some(len) = under_way {

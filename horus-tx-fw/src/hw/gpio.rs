@@ -73,7 +73,6 @@ fn configure(pin: Pin, mode: u32, speed: Speed, pull: Pull) {
     let port = block(pin.port);
     // SAFETY: every two-bit value of these registers is defined except 0b11 of PUPDR, which `Pull` does not have, and
     // only this pin's field changes.
-    // Not covered: copies of these accesses for ports that no pin of the caller is on.
     unsafe {
         port.pupdr().modify(|r, w| w.bits(with_field(r.bits(), pin.number, 2, pull as u32)));
         port.ospeedr().modify(|r, w| w.bits(with_field(r.bits(), pin.number, 2, speed as u32)));
@@ -111,16 +110,13 @@ pub(super) fn open_drain(alternate_pin: AlternatePin) {
     let AlternatePin { pin, .. } = alternate_pin;
     write(pin, true);
     // SAFETY: the register has one bit for each pin, and only this pin's bit changes.
-    // Not covered: copies for other ports, as in `configure`.
     block(pin.port).otyper().modify(|r, w| unsafe { w.bits(with_field(r.bits(), pin.number, 1, 1)) });
-    // Not covered: such copies.
     alternate(alternate_pin, Speed::Low, Pull::None);
 }
 
 /// Takes a pin from its peripheral, so that [`write`] drives it. [`open_drain`] has set the pin up. Only the tasks of
 /// the receivers' sources may call this.
 pub(super) fn drive(pin: Pin) {
-    // Not covered: copies for other ports, as in `configure`.
     set_mode(pin, OUTPUT);
 }
 

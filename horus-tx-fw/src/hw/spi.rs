@@ -151,7 +151,6 @@ impl SpiSource {
 
     fn transfer(&self) {
         let (stream_in, stream_out) = (self.port.stream_in, self.port.stream_out);
-        // Not covered: a stream that did not stop, as in `dma::stop`.
         if dma::is_on(stream_in) || dma::is_on(stream_out) {
             return;
         }
@@ -259,8 +258,6 @@ impl Source for SpiSource {
     }
 
     fn transmit(&mut self, message: &Message) -> Result<(), Busy> {
-        // Not covered: a transfer ends before the next tick, or was aborted by it; and the next message is made after
-        // the answer to this one.
         if !self.polling.is_idle() || self.has_message {
             return Err(Busy);
         }

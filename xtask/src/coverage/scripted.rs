@@ -132,12 +132,19 @@ fn misreads(boards: &[Board], hold: bool) -> (Faults, u64) {
         let fault = ChipFault::Misreads { first, place, flips };
         for (lasts, fault) in [(45 * MS, ChipFault::ReadsZeros), (150 * MS, fault)] {
             let of_boards = boards.iter().map(|board| Fault::Chip(*board, fault));
-            let of_hold = hold.then_some(Fault::Hold(HoldFault::Board(HoldBoardFault::Chip(fault))));
-            for failure in of_boards.chain(of_hold) {
+            let of_hold = [HoldFault::Board(HoldBoardFault::Chip(fault)), HoldFault::Port(fault)];
+            for failure in of_boards.chain(of_hold.into_iter().filter(|_| hold).map(Fault::Hold)) {
                 faults = faults.with(at, at + lasts, failure);
             }
         }
         at += 270 * MS;
+    }
+    if hold {
+        // The front end that answers the hold has no other run.
+        for fault in ChipFault::ALL {
+            faults = faults.with(at, at + 250 * MS, Fault::Hold(HoldFault::Port(fault)));
+            at += 450 * MS;
+        }
     }
     (faults, at)
 }

@@ -50,7 +50,7 @@ fn recording(rng: &mut Rng) -> Vec<u8> {
             if nth == 0 || !rng.one_in(6) {
                 // All receivers move by as much as they can disagree, so that results are held back and are not.
                 let moved = (nth / 2 * 97 % 7) as i32;
-                bytes.extend(position(rng, itow_ms, [latitude - 100 * moved, longitude], 1_500 * moved));
+                bytes.extend(position(rng, itow_ms, [latitude - 150 * moved, longitude], 2_300 * moved));
             }
             // At the poles these come half as often, which HORUS learns.
             let comes = latitude.abs() < 800_000_000 || nth % 2 == 0;
