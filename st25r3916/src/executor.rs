@@ -35,6 +35,7 @@ impl Machine for Poller {
     type Event = PollerEvent;
 
     fn step(&mut self, input: Input<'_>) -> Step<PollerEvent> {
+        // Not covered: a transfer that has failed, as in `poll`.
         Self::step(self, input)
     }
 }

@@ -79,16 +79,18 @@ fn buses() -> (Faults, u64) {
 
 fn late_tasks() -> (Faults, u64) {
     const LATE: u64 = 25 * MS;
+    const PART: u64 = 5 * MS;
     let (mut faults, mut at) = (Faults::none(), 1_000 * MS);
-    // The first task is late from three parts of a cycle on.
-    for task in [0, 0].into_iter().chain(0..tasks_of(Board::Horus).len() as u8) {
+    // The first task serves slots and ticks. It is also late by less than a cycle, in four parts of it: for a tick alone.
+    let all = (0..tasks_of(Board::Horus).len() as u8).map(|task| (task, LATE));
+    for (task, late) in [(0, PART); 4].into_iter().chain(all) {
         let Some(interrupt) = interrupt_of(Board::Horus, task) else { continue };
         let (address, bit) = (ISER + 4 * u32::from(interrupt / 32), (interrupt % 32) as u8);
         let again = Fault::Upset(Board::Horus, Upset::Peripheral { address, bit });
         faults = faults.with(at, at, Fault::DeadTask(Board::Horus, task));
-        faults = faults.with(at, at + LATE, Fault::Receiver(0, ReceiverFault::Babbles));
-        faults = faults.with(at + LATE, at + LATE, again);
-        at += LATE + RESTART / 2 + 3_300_000;
+        faults = faults.with(at, at + late, Fault::Receiver(0, ReceiverFault::Babbles));
+        faults = faults.with(at + late, at + late, again);
+        at += LATE + RESTART / 2 + 7_500_000;
     }
     // Meanwhile two state inputs at a time are active or contradict themselves.
     let mut begins = FIRST;
