@@ -198,6 +198,7 @@ impl Stop {
     /// Returns a stop of which only these values are known.
     #[must_use]
     pub const fn new(cause: Cause, exception: u16, detail: u32) -> Self {
+        // Not covered: a copy for a wrong brown-out level, as in HORUS's `init`.
         Self { cause, exception, detail, address: None, pc: 0, lr: 0, place: Place([0; Place::LEN]) }
     }
 
@@ -224,6 +225,7 @@ impl Stop {
             Cause::MemoryProtection => self.detail & FaultStatus::MEMORY,
             _ => self.detail & 0xFFFF,
         };
+        // Not covered: an exception above 255, which no part has.
         let exception = if self.exception > 0xFF { 0xFF } else { self.exception as u32 };
         (self.cause as u32) << 24 | exception << 16 | detail
     }

@@ -33,10 +33,11 @@ mod imp {
 
     /// Enters the safe state by `enter`, then records and logs the stop that `stop` returns, and waits for the
     /// watchdog. `stop` may take long. Only the first stop is logged, and none while another message is being written.
+    // Not covered: the copies for a wrong brown-out level, as in HORUS's `init`, and for a regulator that cannot be
+    // set; and the few stops that are not logged, because they interrupt the logger.
     pub fn enter(enter: fn(), stop: impl FnOnce() -> Stop, log: impl FnOnce(&Stop)) -> ! {
         begin(enter);
         let stop = stop();
-        // Not covered: few stops interrupt the logger or another stop's log, which are those that are not logged.
         if note(&stop) {
             log(&stop);
         }
@@ -56,6 +57,8 @@ mod imp {
 
     /// Records the stop, and returns whether it is to be logged.
     #[inline(never)]
+    // Not covered: a second try of the exclusive access, since all interrupts are masked; and a second stop, which that
+    // prevents too.
     fn note(stop: &Stop) -> bool {
         last_stop::note(stop);
         !LOGGED.swap(true, Ordering::Relaxed) && !log_section::is_interrupted()

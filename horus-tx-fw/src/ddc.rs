@@ -228,6 +228,8 @@ impl Ddc {
     ///
     /// [`Busy`] while another message waits.
     pub fn transmit(&mut self, message: &Message) -> Result<(), Busy> {
+        // Not covered: a message leaves in the next cycle, or is dropped within eleven. The one after it is made when
+        // its answer has come, or a second after it.
         if self.message.is_some() {
             return Err(Busy);
         }
@@ -300,10 +302,12 @@ impl Ddc {
                 }
                 Phase::Message => {
                     self.state = State::Writing(phase, 1);
+                    // Not covered: no message, as in `message_byte`.
                     Order::PutAddressed(self.message_byte(0).unwrap_or(WAITING))
                 }
             },
             State::Writing(Phase::Select(len), _) if events.byte_sent => self.start(Phase::Waiting(len)),
+            // Not covered: likewise.
             State::Writing(Phase::Message, sent) if events.byte_sent => match self.message_byte(sent) {
                 Some(byte) => {
                     self.state = State::Writing(Phase::Message, sent + 1);
@@ -355,6 +359,7 @@ impl Ddc {
     /// Serves the failure of the stream.
     pub fn stream_failed(&mut self) -> Order {
         match self.state {
+            // Not covered: an error of the stream, as in `hw/spi.rs`.
             State::Receiving(_) => self.recover(),
             _ => Order::Nothing,
         }
@@ -362,6 +367,7 @@ impl Ddc {
 
     /// Drives the next level of the bus's recovery, when the level before it has lasted for [`STEP_US`].
     pub fn step(&mut self) -> Order {
+        // Not covered: another state: the timer runs only in a recovery.
         let State::Recovering(step) = self.state else { return Order::Nothing };
         self.state = State::Recovering(step.saturating_add(1));
         // The recovery's last levels make the STOP, a rise of SDA while SCL is high.
@@ -380,6 +386,7 @@ impl Ddc {
     }
 
     fn message_byte(&self, index: usize) -> Option<u8> {
+        // Not covered: no message: bytes are asked for only while one is being sent.
         self.message.as_ref().and_then(|message| message.bytes().get(index)).copied()
     }
 
@@ -396,6 +403,7 @@ impl Ddc {
     }
 
     fn give_up(&mut self, order: Order) -> Order {
+        // Not covered: an event outside of a transaction, in which the interrupts are off.
         if self.state == State::Idle || matches!(self.state, State::Recovering(_)) {
             return Order::Mute;
         }

@@ -334,6 +334,7 @@ impl Receiver {
             self.spoke.set(now);
             self.counts.bytes = self.counts.bytes.wrapping_add(bytes.len() as u32);
             self.parse(bytes, now);
+        // Not covered: bytes in the buffer before the line has spoken.
         } else if !self.parser.is_buffer_empty() && !self.spoke.within(now, GAP_MS) {
             // Not covered: a buffer has bytes only after the line has spoken.
             let then = if self.spoke.happened { self.spoke.at } else { now };
@@ -346,11 +347,16 @@ impl Receiver {
     /// not come, or a time stamp to drop.
     #[must_use]
     pub fn is_due(&self, now: u32) -> bool {
+        // Not covered: bytes in the buffer before the line has spoken.
         !self.parser.is_buffer_empty() && !self.spoke.within(now, GAP_MS) || self.solution.has_expired(now)
     }
 
     fn parse(&mut self, bytes: &[u8], arrived: u32) {
+        // Not covered: a call without bytes, and a buffer that does not begin with a sync, which it does between two
+        // calls.
         let mut messages = self.parser.consume_ubx(bytes);
+        // Not covered: results that the parser does not have in the state of such a copy of its code, and payloads
+        // shorter than it has checked before.
         while let Some(message) = messages.next() {
             match message {
                 // Zeros after a sync are a message of class 0 without payload, whose checksum is zero. A line that
@@ -491,7 +497,6 @@ const Z_ACCEL_VALID: u32 = 1 << 13;
 
 /// Returns an angle of NAV-ATT in rad; NaN if its accuracy is zero, which means that the angle is not available.
 fn angle(e5_degrees: i32, accuracy: u32) -> f32 {
-    // Not covered: no receiver of these runs states an angle without its accuracy.
     if accuracy == 0 {
         ABSENT_F32
     } else {
@@ -501,7 +506,6 @@ fn angle(e5_degrees: i32, accuracy: u32) -> f32 {
 
 /// Returns an acceleration of ESF-INS (1e-2 m/s²) in m/s²; NaN if it is not flagged valid.
 fn axis(centimetres: i32, valid: u32) -> f32 {
-    // Not covered: no receiver of these runs marks an acceleration as invalid.
     if valid == 0 {
         ABSENT_F32
     } else {

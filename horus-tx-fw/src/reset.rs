@@ -20,6 +20,7 @@ mod flag {
 /// management (not used here), pin. The STM32F429 has no reset by lockup; there the watchdog resets.
 #[must_use]
 pub const fn reason(csr: u32) -> ResetReason {
+    // Not covered: the window watchdog, software and low-power management, which do not reset this board.
     if csr & flag::POWER_ON != 0 {
         ResetReason::PowerOn
     } else if csr & flag::BROWN_OUT != 0 {

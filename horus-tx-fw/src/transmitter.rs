@@ -212,9 +212,9 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
 
     /// Starts the load of the next frame. To be called when the chip is prepared for a frame; does nothing if there is
     /// none to send.
+    // Not covered: a cycle of three receivers has one frame; only that of five has two. So the chip is always prepared
+    // for the frame that comes next, and there is one.
     fn prepared(&mut self) -> Option<PollerEvent> {
-        // Not covered: a cycle of three receivers has one frame; only that of five has two. So the chip is always
-        // prepared for the frame that comes next.
         if self.prepared != self.next {
             return self.prepare();
         }
@@ -227,6 +227,8 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
 
     /// Serves an event of the state machine, and the events that this causes at once: three at most, because the state
     /// machine requests a transfer or a wait after every event but a fault.
+    // Not covered: with three receivers the chip is prepared before its cycle begins, in which no frame is due; so a
+    // frame is loaded in its own cycle, and only a fault is followed by another event at once.
     fn serve(&mut self, mut event: Option<PollerEvent>) {
         while let Some(happened) = event {
             event = match happened {
@@ -241,8 +243,6 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
                     self.turn = Turn::Cycle;
                     return;
                 }
-                // Not covered: with three receivers the chip is prepared before its cycle begins, in which no frame is
-                // due.
                 PollerEvent::Prepared => self.prepared(),
                 PollerEvent::Loaded if self.sending == (self.tick, self.next) => {
                     self.turn = Turn::Slot;

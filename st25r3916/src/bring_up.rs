@@ -161,6 +161,7 @@ impl Setting {
     /// [`Fault::Register`] names the first register that differs.
     fn check(self, response: &[u8]) -> Result<(), Fault> {
         let (head, space) = if self.in_space_b { (2, reg::SPACE_B) } else { (1, 0) };
+        // Not covered: the default, since a response is longer than its head.
         check(space | self.address, self.values, response.get(head..).unwrap_or(&[]))
     }
 }
@@ -467,6 +468,8 @@ impl BringUp {
 
     /// Records a fault, which doubles the next back-off (up to 64 ms).
     pub(crate) const fn failed(&mut self) {
+        // Not covered: copies for each kind of fault. Those of the executor never come, and those that a frame precedes
+        // never come seven times in a row.
         if self.failures < BACK_OFF_STEPS {
             self.failures += 1;
         }
@@ -493,6 +496,7 @@ impl BringUp {
     }
 
     pub(crate) fn step(&mut self, input: Input<'_>) -> Progress {
+        // Not covered: inputs that the executor does not give in a phase.
         match (self.phase, input) {
             (_, Input::Failed) => Progress::Failed(Fault::Bus),
             (Phase::Sent, Input::Done(response)) => self.answered(response),
@@ -509,9 +513,11 @@ impl BringUp {
     }
 
     fn irqs(&mut self, response: &[u8], last: bool) -> Progress {
+        // Not covered: another length, as in `check`.
         let &[_, main, timer, _, _] = response else {
             return Progress::Failed(Fault::Bus);
         };
+        // Not covered: another operation: interrupts are read only for one that waits for them.
         let Operation::Run(_, awaited) = self.operation() else {
             return Progress::Failed(Fault::Executor);
         };
@@ -543,6 +549,7 @@ impl BringUp {
                 return self.wait(awaited);
             }
             Operation::Identify => match response {
+                // Not covered: another length, as in `check`.
                 [_, 0x00 | 0xFF] => return Progress::Failed(Fault::Absent),
                 &[_, identity] => {
                     self.variant = match identity & reg::IDENTITY_TYPE {
@@ -554,6 +561,7 @@ impl BringUp {
                 _ => return Progress::Failed(Fault::Bus),
             },
             Operation::ReadSupply => {
+                // Not covered: another length, as in `check`.
                 let &[_, steps] = response else {
                     return Progress::Failed(Fault::Bus);
                 };
@@ -627,14 +635,17 @@ impl BringUp {
         let variant = self.variant.unwrap_or(Variant::A);
         match self.part {
             Part::Power => self.power(variant),
+            // Not covered: other roles, as in `setting`.
             Part::Write => match self.setting(variant, self.index) {
                 Some(setting) => Operation::Send(setting.write()),
                 None => Operation::End,
             },
+            // Not covered: other roles, as in `setting`.
             Part::ReadBack => match self.in_force(self.index) {
                 Some(setting) => Operation::ReadBack(setting),
                 None => Operation::End,
             },
+            // Not covered: other roles, as in `operate`.
             Part::Operate => self.operate(),
         }
     }
@@ -643,6 +654,7 @@ impl BringUp {
     /// [`CONFIGURATION_READ`] covers it.
     fn in_force(&self, index: u8) -> Option<Setting> {
         match index {
+            // Not covered: a supply of 3 V, as in `io`.
             0 => Some(self.io()),
             1 => Some(REGULATOR_ADJUSTED),
             index => self.setting(self.variant.unwrap_or(Variant::A), index - 2),
@@ -657,12 +669,14 @@ impl BringUp {
 
     /// The transfer that reads the next setting back. To be made once for each frame.
     pub(crate) fn read_next(&self) -> Short {
+        // Not covered: other roles, as in `setting`.
         self.turn().map_or(CONFIGURATION_READ, Setting::read)
     }
 
     /// # Errors
     /// [`Fault::Register`] if a register differs from its setting, or the errors of [`Role::check_configuration`].
     pub(crate) fn check_next(&mut self, response: &[u8]) -> Result<(), Fault> {
+        // Not covered: other roles, as in `setting`.
         match self.turn() {
             Some(setting) => {
                 self.rotation += 1;

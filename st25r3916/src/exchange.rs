@@ -272,6 +272,8 @@ impl Exchange {
     }
 
     /// Takes one input and returns the next step.
+    // Not covered: inputs that the executor does not give in a state, and steps of the poller that are not those of its
+    // state.
     pub fn step(&mut self, input: Input<'_>) -> Step<ExchangeEvent> {
         match (self.state, input) {
             (ExchangeState::Polling, input) => {
@@ -323,6 +325,7 @@ impl Exchange {
     }
 
     fn poll(&mut self, step: Step<PollerEvent>) -> Step<ExchangeEvent> {
+        // Not covered: events that do not come at the place where such a copy of this is: a fault has no other.
         step.map(|event| match event {
             PollerEvent::Ready => Step::Event(ExchangeEvent::Ready),
             PollerEvent::Prepared => Step::Event(ExchangeEvent::Prepared),
@@ -369,6 +372,7 @@ impl Exchange {
         Step::Wait { us }
     }
 
+    // Not covered: steps of the poller other than the event of the fault.
     fn fault(&mut self, fault: Fault) -> Step<ExchangeEvent> {
         self.state = ExchangeState::Polling;
         self.frame = None;

@@ -35,6 +35,7 @@ impl Machine for Poller {
     type Event = PollerEvent;
 
     fn step(&mut self, input: Input<'_>) -> Step<PollerEvent> {
+        // Not covered: a transfer that has failed, as in `poll`.
         Self::step(self, input)
     }
 }
@@ -171,6 +172,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
     /// comes. After an event the owner calls [`Executor::resume`], [`Executor::go_on`] or [`Executor::resume_later`].
     pub fn poll(&mut self) -> Option<M::Event> {
         let step = match self.waiting {
+            // Not covered: a transfer that has failed, as in HORUS's `response`, and an end where none is awaited.
             Waiting::Transfer if self.port.ended() => {
                 self.loading = false;
                 self.arrived = self.reading_to.take();
@@ -200,6 +202,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
 
     /// Makes the machine continue after an event by calling `take`. Has no effect during a transfer or a wait.
     pub fn go_on(&mut self, take: impl FnOnce(&mut M) -> Step<M::Event>) -> Option<M::Event> {
+        // Not covered: a call while the machine waits: this owner calls only after an event.
         if self.waiting != Waiting::Owner {
             return None;
         }
@@ -213,6 +216,8 @@ impl<M: Machine, P: Port> Executor<M, P> {
     }
 
     fn carry_out(&mut self, mut step: Step<M::Event>) -> Option<M::Event> {
+        // Not covered: the end of the steps, as below, and a transfer that the port refuses: the machines ask only for
+        // bytes of their frame.
         for _ in 0..STEPS {
             step = match step {
                 Step::Transfer(transfer) => {
@@ -246,6 +251,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
         None
     }
 
+    // Not covered: transfers that the port refuses, as above, and kinds that the machine does not ask for.
     fn start(&mut self, transfer: Transfer) -> bool {
         match transfer {
             Transfer::Short(short) => {

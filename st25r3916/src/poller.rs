@@ -279,6 +279,8 @@ impl Poller {
     }
 
     /// Takes one input and returns the next step.
+    // Not covered: inputs that the executor does not give in a state, and responses of another length than their
+    // transfer's.
     pub fn step(&mut self, input: Input<'_>) -> Step<PollerEvent> {
         if matches!(input, Input::Failed) {
             return self.fault(Fault::Bus);
@@ -352,6 +354,7 @@ impl Poller {
     }
 
     fn progress(&mut self, progress: Progress) -> Step<PollerEvent> {
+        // Not covered: a copy for the beginning of a bring-up, which is a transfer.
         match progress {
             Progress::Transfer(short) => Step::Transfer(Transfer::Short(short)),
             Progress::Wait(us) => Step::Wait { us },

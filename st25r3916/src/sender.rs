@@ -85,6 +85,7 @@ impl Sender {
     /// # Errors
     /// [`SendError`] if no frame can begin. Then nothing is changed.
     pub(crate) fn prepare(&mut self, len: usize, ready: bool) -> Result<Sending, SendError> {
+        // Not covered: a length that no owner asks for.
         let Ok(len @ 1..=254) = u8::try_from(len) else {
             return Err(SendError::Length);
         };
@@ -98,6 +99,8 @@ impl Sender {
     /// Takes one input in state `state`. After [`SendState::Prepared`] the machine continues with [`Sender::head`].
     #[inline(always)]
     pub(crate) fn step(&mut self, state: SendState, input: Input<'_>) -> Sending {
+        // Not covered: inputs that the executor does not give in a state, copies that the owner's own states come
+        // before, and a frame without a rest: all are longer than a head.
         match (state, input) {
             (SendState::PreparingClear, Input::Done(_)) => {
                 let length = Short::new([command::WRITE | reg::TRANSMIT_LENGTH, self.len >> 5, self.len << 3]);
@@ -124,12 +127,14 @@ impl Sender {
 
     #[inline(always)]
     pub(crate) fn head(&self) -> Sending {
+        // Not covered: a frame that is shorter than a head, which nobody sends.
         load(SendState::LoadingHead, 0, usize::from(self.len).min(HEAD))
     }
 
     /// Continues after the transmit command: loads the rest of the payload, if there is one.
     #[inline(always)]
     pub(crate) fn rest(&self) -> Sending {
+        // Not covered: a frame without a rest, as above.
         match usize::from(self.len).checked_sub(HEAD) {
             None | Some(0) => self.wait(),
             Some(rest) => load(SendState::LoadingRest, HEAD, rest),
@@ -139,7 +144,9 @@ impl Sender {
     /// Waits for the end of the frame. The time of the load counts as part of the wait. An SPI of 10 MHz, the fastest,
     /// is assumed for that time.
     fn wait(&self) -> Sending {
+        // Not covered: a frame without a rest, as above.
         let rest = u32::from(self.len).saturating_sub(HEAD as u32);
+        // Not covered: an air time of whole microseconds, which no length of frame has.
         Sending::Wait(SendState::OnAir, air_time_us(self.len) + TRANSMIT_MARGIN_US - rest * 8 / 10)
     }
 

@@ -22,6 +22,7 @@ mod callers;
 mod explained;
 mod gaps;
 mod hold_runs;
+mod horus_runs;
 mod image;
 mod messages;
 mod part;
@@ -32,9 +33,11 @@ mod runs;
 mod scripted;
 mod source;
 mod twins;
+mod values;
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
+use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -49,6 +52,7 @@ use clap::Args;
 use cortex_m4::coverage::Record;
 use emulator_node::{Clock, Threads};
 use rayon::prelude::*;
+use tempfile::NamedTempFile;
 
 use crate::output::Output;
 use crate::workspace::{root, tracked};
@@ -185,11 +189,13 @@ fn fly(args: &CoverageArgs, gps: Receivers) -> Result<Vec<Flown>> {
             ram: of_both(|image| image.ram),
             guards: of_both(|image| image.guard),
             hot: of_both(|image| image.hot),
+            handlers: [horus.image.start_of("TIM2"), flown_dpr.image.start_of("TIMER1")],
+            kept: horus.image.kept.clone(),
         };
         for &seed in &args.seeds {
             let new = Setup::new(images.clone(), gps.0, 0);
             let setup = Setup { seed, writes: true, hold: hold_elf.clone(), threads: Threads::One, ..new };
-            flights.extend(flights_of(args, &setup, &records, addresses));
+            flights.extend(flights_of(args, &setup, &records, addresses.clone()));
             benches.push((setup, records.clone()));
         }
     }
@@ -231,8 +237,8 @@ fn flights_of(args: &CoverageArgs, setup: &Setup, records: &Records, addresses: 
     // says.
     let seed = |run: &Run| if run.name.starts_with("hold: ") { setup.seed + run.name.len() as u64 } else { setup.seed };
     let flight = |run: Run| {
-        // The older of the two chips is on the boards in two of these runs.
-        let is_older = ["hold: memory", "hold: starts"].contains(&run.name.as_str());
+        // The older of the two chips is on the boards in these runs.
+        let is_older = ["hold: memory", "hold: starts", "misreads"].contains(&run.name.as_str());
         let older = || on_the_link(FrontEndConfig::st25r3916());
         let front_ends = if is_older { older() } else { setup.front_ends.clone() };
         let setup = Setup { seed: seed(&run), front_ends, ..setup.clone() };
@@ -250,11 +256,11 @@ fn kinds(args: &CoverageArgs, setup: &Setup) -> Vec<Kind> {
 impl Flight {
     fn fly(self) -> Result<()> {
         let began = Instant::now();
-        let Self { run: Run { name, faults, duration_ns, factory_settings, every_message, judged }, setup, records } =
+        let Self { run: Run { name, faults, duration_ns, factory_settings, recordings, judged }, setup, records } =
             self;
         let with = if setup.hold.is_some() { "with hold" } else { "without hold" };
-        let recording = every_message.then(messages::recording).transpose()?;
-        let recordings = recording.iter().map(|file| Some(file.path().to_owned())).collect();
+        let files = recordings.iter().map(|bytes| recorded(bytes)).collect::<Result<Vec<_>>>()?;
+        let recordings = files.iter().map(|file| Some(file.path().to_owned())).collect();
         let verdict = run(&Setup { faults, duration_ns, factory_settings, recordings, ..setup.clone() }, &records)?;
         let (took, virtual_s) = (began.elapsed().as_secs_f64(), duration_ns as f64 / 1e9);
         eprintln!("n = {}, seed {}, {with}: {name}, {virtual_s:.1} s in {took:.1} s", setup.gps, setup.seed);
@@ -268,6 +274,13 @@ impl Flight {
         }
         Ok(())
     }
+}
+
+/// Writes a receiver's recording into a file that is deleted when it is dropped.
+fn recorded(bytes: &[u8]) -> Result<NamedTempFile> {
+    let mut file = NamedTempFile::new().context("a recording could not be made")?;
+    file.write_all(bytes).context("a recording could not be written")?;
+    Ok(file)
 }
 
 /// Upsets copies of the bench, each alone.

@@ -160,6 +160,7 @@ impl FrontEnd {
             return;
         }
         let at = if selected { at } else { at + self.emission.select_late() };
+        self.faults.select();
         self.call(at, if selected { Chip::select } else { Chip::deselect });
         note(&mut self.crossings, at, Crossing::Select(selected));
     }
@@ -186,6 +187,7 @@ impl FrontEnd {
         // The chip's pull-down holds an undriven MOSI low.
         let [to_chip, from_chip] = self.faults.glitch();
         let mosi = if frame.mosi.contains(&Some(mosi)) { frame.data } else { 0 } ^ to_chip;
+        let from_chip = from_chip ^ self.faults.misread(mosi as u8);
         let clocked = st25r3916_model::SpiFrame { begins_ns: begins, ends_ns: ends, mode, bits: frame.bits, mosi };
         let Self { chip, crossings, .. } = self;
         let answer = chip.clock_frame(&clocked, |chip, at, taken, given| {

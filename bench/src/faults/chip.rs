@@ -26,6 +26,16 @@ pub enum ChipFault {
     /// A bit flips in one of [`GLITCH_EVERY`] bytes on average, on the way to the chip or from it. The number is the
     /// seed.
     Glitches(u64),
+    /// Each transfer that begins with a certain byte reads another value in one of its bytes. Faults that are drawn are
+    /// never this one.
+    Misreads {
+        /// The first byte of these transfers: a command.
+        first: u8,
+        /// The place of the byte in the transfer; the first byte has place 0.
+        place: u8,
+        /// The bits that are inverted.
+        flips: u8,
+    },
 }
 
 /// The average number of bytes on the SPI for each glitch. The boards exchange about 260 bytes with a front end in a
@@ -33,7 +43,7 @@ pub enum ChipFault {
 pub const GLITCH_EVERY: u64 = 1024;
 
 impl ChipFault {
-    /// All faults of a front end's chip except glitches of the SPI.
+    /// All faults of a front end's chip except glitches and misread bytes of the SPI.
     pub const ALL: [Self; 6] =
         [Self::IrqLow, Self::IrqHigh, Self::NoInterrupts, Self::NoFrameEnds, Self::ReadsOnes, Self::ReadsZeros];
 
@@ -48,6 +58,7 @@ impl ChipFault {
             Self::ReadsOnes => "reads ones",
             Self::ReadsZeros => "reads zeros",
             Self::Glitches(_) => "SPI glitches",
+            Self::Misreads { .. } => "misreads",
         }
     }
 
@@ -58,6 +69,7 @@ impl ChipFault {
             Self::IrqHigh | Self::ReadsOnes | Self::ReadsZeros => Harm::Silent,
             Self::IrqLow | Self::NoInterrupts | Self::NoFrameEnds => Harm::Deaf,
             Self::Glitches(_) => Harm::Noisy,
+            Self::Misreads { .. } => Harm::Silent,
         }
     }
 }
@@ -100,6 +112,8 @@ impl RegisterBit {
 pub struct ChipFaults {
     present: Vec<ChipFault>,
     glitches: Option<Rng>,
+    /// The first byte of the present transfer to the chip, and the number of bytes so far.
+    transfer: (u8, u8),
 }
 
 impl ChipFaults {
@@ -134,6 +148,23 @@ impl ChipFaults {
             _ => None,
         });
         stuck.unwrap_or(level)
+    }
+
+    /// Begins a transfer: the chip is selected.
+    pub fn select(&mut self) {
+        self.transfer = (0, 0);
+    }
+
+    /// Takes the next byte of the transfer to the chip. Returns the bits that are inverted in the byte from it.
+    pub fn misread(&mut self, to_chip: u8) -> u32 {
+        let (begins, at) = self.transfer;
+        let begins = if at == 0 { to_chip } else { begins };
+        self.transfer = (begins, at.saturating_add(1));
+        let flips = self.last(|fault| match fault {
+            ChipFault::Misreads { first, place, flips } if (first, place) == (begins, at) => Some(flips),
+            _ => None,
+        });
+        flips.unwrap_or(0).into()
     }
 
     /// Returns the bits that a glitch inverts in the next byte to the chip and in the byte from it.
@@ -217,6 +248,18 @@ mod tests {
             faults.end(fault);
             assert_eq!((faults.irq(true), faults.miso(None), faults.withheld()), (true, None, Withheld::None));
         }
+    }
+
+    #[test]
+    fn a_misread_byte_is_one_of_its_transfer_alone() {
+        let mut faults = ChipFaults::default();
+        faults.begin(ChipFault::Misreads { first: 0x7F, place: 1, flips: 0x28 });
+        let mut flips = |bytes: [u8; 3]| {
+            faults.select();
+            bytes.map(|byte| faults.misread(byte))
+        };
+        assert_eq!(flips([0x7F, 0, 0]), [0, 0x28, 0]);
+        assert_eq!(flips([0x42, 0x7F, 0]), [0; 3]);
     }
 
     #[test]

@@ -6,7 +6,7 @@ use st25r3916_model::{AirEvent, AirFaults, Chunk, ForeignCard, FrameStart, Techn
 
 pub use super::hold_board::Sensor;
 use super::hold_board::{HoldBoardFault, SensorFault};
-use super::{PowerFault, Rng};
+use super::{ChipFault, PowerFault, Rng};
 
 /// One millisecond, ns.
 const MS: u64 = 1_000_000;
@@ -70,6 +70,8 @@ pub enum HoldFault {
     BusStuck,
     /// A fault of the board, which is not drawn.
     Board(HoldBoardFault),
+    /// A fault of the front end by which the DPR answers the hold, which is not drawn.
+    Port(ChipFault),
     /// A fault of the sensors or of what they measure, which is not drawn.
     Sensors(SensorFault),
     /// Each pair of antennas at the DPR also receives what is meant for the other pair.
@@ -132,6 +134,7 @@ impl HoldFault {
             Self::Lies(sensor, _) => format!("{} sensor lies", format!("{sensor:?}").to_lowercase()),
             Self::BusStuck => "bus stuck".into(),
             Self::Board(fault) => fault.name(),
+            Self::Port(fault) => format!("port {}", fault.name()),
             Self::Sensors(fault) => fault.name(),
             Self::Crosstalk => "crosstalk".into(),
             Self::Broken(what) => format!("{what:?}").to_lowercase(),
@@ -149,7 +152,7 @@ impl HoldFault {
             Self::Silent(_) | Self::Lies(..) | Self::BusStuck | Self::Sensors(_) => {
                 Disturbance::Hold { part: HoldPart::Sensors }
             }
-            Self::Frames(_) | Self::Answers(_) | Self::Foreign(_) | Self::Hostile(..) => {
+            Self::Frames(_) | Self::Answers(_) | Self::Foreign(_) | Self::Hostile(..) | Self::Port(_) => {
                 Disturbance::Hold { part: HoldPart::Air }
             }
         }

@@ -284,6 +284,10 @@ impl<C: Cost> Beside<C> {
                     recorder.note(from, What::Hold(HoldEvent::Finding { text }));
                 }
             }
+            HoldFault::Port(fault) => dpr.board_mut(|board| {
+                let turn = if begins { FrontEnd::begin_chip_fault } else { FrontEnd::end_chip_fault };
+                board.hold_port.iter_mut().for_each(|port| turn(port, fault));
+            }),
             HoldFault::Sensors(fault) => self.payload(|payload| payload.turn(from, fault, begins)),
             HoldFault::Crosstalk => self.crosstalk = begins,
             HoldFault::Constant { of, value } => {

@@ -18,6 +18,8 @@ const LOCKUP: u32 = 1 << 3;
 /// use, counts as "other".
 #[must_use]
 pub const fn reason(bits: u32, ram_kept: bool) -> ResetReason {
+    // Not covered: a lockup, software and System OFF where only another firmware's runs have them: this one requests
+    // none, and its handler of faults causes none.
     if bits & RESETPIN != 0 {
         ResetReason::Pin
     } else if bits & DOG != 0 {

@@ -175,6 +175,7 @@ impl DdcSource {
                 self.steps.start(STEP_US);
             }
             Order::Drive { scl, sda } => {
+                // Not covered: copies for other ports, as in `hw/gpio.rs`.
                 gpio::write(self.port.scl.pin, scl);
                 gpio::write(self.port.sda.pin, sda);
                 self.steps.start(STEP_US);
@@ -203,6 +204,7 @@ impl DdcSource {
     }
 
     fn receive(&self, len: usize) {
+        // Not covered: a stream that did not stop, as in `dma::stop`.
         if dma::is_on(self.port.stream) {
             // A stream that did not stop is not started again. No byte is received then, and the transaction ends at
             // the tick.
@@ -229,6 +231,7 @@ impl DdcSource {
         }
         dma::clear_flags(self.port.stream);
         if flags.has_error() {
+            // Not covered: an error of the stream, as in `hw/spi.rs`.
             let order = self.ddc.stream_failed();
             self.carry_out(order);
         } else {
@@ -241,6 +244,7 @@ impl DdcSource {
     }
 
     /// Puts a range of the bytes that DMA has written into the receiver's ring.
+    // Not covered: the end of the buffer within the range, which is as long as the longest read at most.
     fn push(&self, bytes: Range<usize>) {
         let bytes = BYTES.iter().skip(bytes.start).take(bytes.len());
         buffers::ring(self.index).push(bytes.map(|byte| byte.load(Ordering::Relaxed)));
@@ -248,6 +252,8 @@ impl DdcSource {
 }
 
 impl Source for DdcSource {
+    // Not covered: a receiver beyond the last, as in `hw/buffers.rs`; for a read under way, errors that the interrupt
+    // has not taken, and more bytes left than requested.
     fn poll(&mut self) {
         let under_way = self.ddc.stream_under_way();
         // Errors that came between transactions are dropped. Otherwise the first of them would end the next
@@ -266,6 +272,7 @@ impl Source for DdcSource {
     }
 
     fn interrupt(&mut self, vector: Vector) {
+        // Not covered: an error of the stream, as in `hw/spi.rs`, and the end of a read that has not begun.
         match vector {
             Vector::Peripheral => {
                 let order = self.ddc.event(self.take_events());

@@ -280,6 +280,7 @@ impl Port for Radio {
             return false;
         }
         self.finish();
+        // Not covered: later polls of the SPI, as in `deselect`.
         deselect();
         compiler_fence(Ordering::Acquire);
         for (to, from) in self.response[..self.len].iter_mut().zip(&SHORT_IN) {
@@ -320,6 +321,7 @@ impl Port for Radio {
         timer.cr1().write(|w| w.urs().set_bit());
         timer.cnt().write(|w| w.cnt().set(0));
         // TIM5 raises its update ARR + 1 counts after the start, so a wait never ends early.
+        // Not covered: a wait of 0 µs, which no state machine asks for.
         timer.arr().write(|w| w.arr().set(us.max(1)));
         timer.sr().write(|w| w.uif().clear());
         timer.cr1().write(|w| w.urs().set_bit().opm().set_bit().cen().set_bit());
@@ -371,6 +373,7 @@ pub(super) fn field_off() {
     // (DS13541).
     for byte in [command::WRITE | 0x02, 0x00] {
         put(byte);
+        // Not covered: later polls of the SPI, as in `take`.
         take();
     }
     deselect();

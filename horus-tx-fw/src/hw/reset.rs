@@ -37,10 +37,12 @@ pub fn note_reason() -> ResetReason {
     let reason = reset::reason(reset_flags());
     let [magic, count] = &RESETS;
     // After power-on the memory of these two words holds arbitrary values.
+    // Not covered: causes of a reset that nothing on the board requests, as in `reset::reason`.
     if magic.load(Ordering::Relaxed) != MAGIC || reason == ResetReason::PowerOn {
         magic.store(MAGIC, Ordering::Relaxed);
         count.store(0, Ordering::Relaxed);
     }
+    // Not covered: likewise.
     if reason == ResetReason::Watchdog {
         count.fetch_add(1, Ordering::Relaxed);
     }

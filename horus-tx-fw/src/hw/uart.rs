@@ -51,6 +51,7 @@ impl UartSource {
             Self { index, port, registers: Registers::at((port.registers)()), writer: Writer::new(), outgoing: None };
         // A line that is not connected reads as idle, because of the pull-up.
         gpio::alternate(port.rx, Speed::Low, Pull::Up);
+        // Not covered: copies for other ports, as in `hw/gpio.rs`.
         gpio::alternate(port.tx, Speed::Low, Pull::Up);
         (port.enable)(rcc);
         // SAFETY: the stream has not been used since the reset, which leaves it off.
@@ -180,11 +181,14 @@ impl UartSource {
 }
 
 impl Source for UartSource {
+    // Not covered: a receiver beyond the last, as in `hw/buffers.rs`.
     fn poll(&mut self) {
         self.look();
         self.count_written();
     }
 
+    // Not covered: a receiver beyond the last, as in `hw/buffers.rs`, and the interrupt of a timer, which a UART does
+    // not have.
     fn interrupt(&mut self, vector: Vector) {
         match vector {
             Vector::Peripheral => self.uart_interrupt(),
@@ -195,6 +199,7 @@ impl Source for UartSource {
     }
 
     fn transmit(&mut self, message: &Message) -> Result<(), Busy> {
+        // Not covered: a message is out after 5.2 ms at most, before the next tick.
         if self.outgoing.is_some() {
             return Err(Busy);
         }

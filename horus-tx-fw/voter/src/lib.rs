@@ -346,6 +346,7 @@ fn latencies<const N: usize>(inputs: &[Input; N], candidates: u8) -> [i32; N] {
         let off = lag.wrapping_sub(reference);
         let off = if off > HALF_A_WEEK_MS { off - WEEK_MS as i32 } else { off };
         let off = if off < -HALF_A_WEEK_MS { off + WEEK_MS as i32 } else { off };
+        // Not covered: the clamp: both lags are below a week, so half a week is the most that the corrections leave.
         off.clamp(-HALF_A_WEEK_MS, HALF_A_WEEK_MS)
     });
     let [low, high] = middle_two(lags, candidates, HALF_A_WEEK_MS);
@@ -489,6 +490,7 @@ fn greatest<const N: usize>(brought: &[Brought; N], of: impl Fn(&Brought) -> f32
 
 /// Returns the median of the members' attitudes, angles on the circle, if a quorum has one and each pair agrees.
 fn attitude<const N: usize>(inputs: &[Input; N], members: u8) -> Option<[f32; 3]> {
+    // Not covered: an angle beyond `ANGLE_MAX`: the greatest that NAV-ATT can state is 375 rad.
     let oriented = members & mask_of(inputs, |input| are_within(input.attitude, ANGLE_MAX));
     let mut agree = is_quorum::<N>(oriented);
     let mut attitude = [0.0; 3];
@@ -505,10 +507,12 @@ fn attitude<const N: usize>(inputs: &[Input; N], members: u8) -> Option<[f32; 3]
 
 /// Returns the median of the members' accelerations by axis, if a quorum has one and each pair of them agrees.
 fn acceleration<const N: usize>(inputs: &[Input; N], members: u8) -> Option<[f32; 3]> {
+    // Not covered: an acceleration beyond the greatest `f32`, which ESF-INS cannot state.
     let moved = members & mask_of(inputs, |input| are_within(input.acceleration, f32::MAX));
     let mut agree = is_quorum::<N>(moved);
     let mut acceleration = [0.0; 3];
     for (axis, middle) in acceleration.iter_mut().enumerate() {
+        // Not covered: as above.
         let values = axis_of(inputs, |input| input.acceleration, axis, f32::MAX);
         let spread;
         (*middle, spread) = median_and_spread(values, moved);

@@ -48,6 +48,8 @@ pub(super) struct Image {
     pub(super) program_crc: u32,
     /// The address of the RAM that the firmware's test of RAM begins with, 0 if the image names none.
     pub(super) ram: u32,
+    /// An address in each part of [`KEPT`].
+    pub(super) kept: Vec<u32>,
     /// The address of a guard word, 0 if the image has none.
     pub(super) guard: u32,
     /// The end of the code that runs from RAM, 0 if the image has none.
@@ -57,6 +59,14 @@ pub(super) struct Image {
     /// The ELF file.
     pub(super) elf: Vec<u8>,
 }
+
+/// Parts of the names of what HORUS keeps and checks, and in how many parts it checks each: the state of its cycle, the
+/// solutions of three receivers, the receivers' states, and the count of ticks.
+const KEPT: [(&str, u32); 4] =
+    [("shared_resource_cycle", 1), ("shared_resource_solutions", 3), ("local_resource_receivers", 1), ("5TICKS", 1)];
+
+/// How far behind its beginning a kept value is upset, bytes.
+const INSIDE: u32 = 20;
 
 impl Image {
     /// Reads the ELF file at `path`.
@@ -85,6 +95,12 @@ impl Image {
                 Some("_stack_end") => image.ram = address,
                 Some("__guard_data") => image.guard = address,
                 Some("__ehot") => image.hot = address,
+                _ if symbol.kind() == SymbolKind::Data => {
+                    for (_, parts) in KEPT.into_iter().filter(|(kept, _)| name.contains(kept)) {
+                        let part = u32::try_from(symbol.size())? / parts;
+                        image.kept.extend((0..parts).map(|nth| address + nth * part + INSIDE.min(part / 2)));
+                    }
+                }
                 _ if symbol.kind() == SymbolKind::Text && symbol.size() > 0 => {
                     let (start, size) = (address & !1, u32::try_from(symbol.size())?);
                     let name = format!("{:#}", rustc_demangle::demangle(name));
@@ -117,6 +133,11 @@ impl Image {
         let marks = std::iter::once(start).chain(data.iter().copied()).zip([true, false].into_iter().cycle());
         image.decode(&marks.collect::<Vec<_>>());
         image
+    }
+
+    /// The address of the function of this name, 0 if there is none.
+    pub(super) fn start_of(&self, name: &str) -> u32 {
+        self.functions.iter().find(|function| function.name == name).map_or(0, |function| function.start)
     }
 
     /// Notes each function whose address, with bit 0 set, is in `bytes`: as a word, or as the low half in a `MOVW`.

@@ -1,13 +1,9 @@
-//! A recording in which a receiver sends each UBX message that HORUS's parser, the crate `ublox`, knows.
+//! A recording in which a receiver answers its configuration, and then sends each UBX message that HORUS's parser, the crate `ublox`, knows.
 //!
 //! The parser checks messages that HORUS never asks for, before HORUS drops them. A receiver that is misconfigured or
 //! broken can send any of them.
 
-use std::io::Write as _;
-
-use anyhow::{Context, Result};
 use gnss_sim::ubx::{NavPvt, frame};
-use tempfile::NamedTempFile;
 
 /// Classes and identifiers of the messages.
 const MESSAGES: [(u8, &[u8]); 15] = [
@@ -45,17 +41,12 @@ const LENGTHS: [usize; 36] = [
 /// changes, so all messages belong to one epoch.
 const PAYLOAD: [u8; 4] = *b"a b\0";
 
-/// Writes the recording into a file that is deleted when it is dropped.
-pub(super) fn recording() -> Result<NamedTempFile> {
-    let mut file = NamedTempFile::new().context("a recording could not be made")?;
-    file.write_all(&bytes()).context("a recording could not be written")?;
-    Ok(file)
-}
-
-fn bytes() -> Vec<u8> {
+/// Returns the recording.
+pub(super) fn recording() -> Vec<u8> {
     // Without a valid position nothing counts as a recording.
     let itow_ms = u32::from_le_bytes(PAYLOAD);
-    let mut bytes = NavPvt { itow_ms, fix_type: 3, flags: NavPvt::FLAG_FIX_OK, ..NavPvt::default() }.encode();
+    let mut bytes = answers(itow_ms - 1_000);
+    bytes.extend(NavPvt { itow_ms, fix_type: 3, flags: NavPvt::FLAG_FIX_OK, ..NavPvt::default() }.encode());
     for (class, ids) in MESSAGES {
         for id in ids {
             for len in LENGTHS {
@@ -67,17 +58,55 @@ fn bytes() -> Vec<u8> {
     bytes
 }
 
+/// Epochs with answers to HORUS's four configuration messages, each as its time after the epoch before, ms, and the
+/// identifier of its message of class ACK: first the model is refused, then everything; then the second and the third
+/// message get no answer. In between the receiver is silent until HORUS configures it again.
+const ANSWERS: [(u32, Option<u8>); 11] = {
+    const ACK: Option<u8> = Some(1);
+    const NAK: Option<u8> = Some(0);
+    [
+        (0, ACK),
+        (100, NAK),
+        (100, ACK),
+        (100, ACK),
+        (700, NAK),
+        (100, NAK),
+        (100, NAK),
+        (100, NAK),
+        (1_700, ACK),
+        (4_000, None),
+        (2_500, ACK),
+    ]
+};
+
+/// The epochs of [`ANSWERS`], the last of which is at the time of week `last_ms`.
+fn answers(last_ms: u32) -> Vec<u8> {
+    let mut bytes = vec![];
+    let mut itow_ms = last_ms - ANSWERS.iter().map(|(after, _)| after).sum::<u32>();
+    for (after, answer) in ANSWERS {
+        itow_ms += after;
+        bytes.extend(NavPvt { itow_ms, ..NavPvt::default() }.encode());
+        // The answer names UBX-CFG-VALSET.
+        bytes.extend(answer.map(|id| frame(0x05, id, &[0x06, 0x8A])).unwrap_or_default());
+    }
+    bytes
+}
+
 #[cfg(test)]
 mod tests {
+    use std::io::Write as _;
+
     use gnss_sim::log::Log;
 
     use super::*;
 
     #[test]
     fn the_recording_is_played_and_has_every_message() {
-        let file = recording().unwrap();
+        let mut file = tempfile::NamedTempFile::new().unwrap();
+        file.write_all(&recording()).unwrap();
         let counts = Log::open(file.path()).unwrap().counts();
         let messages: usize = MESSAGES.iter().map(|(_, ids)| ids.len() * LENGTHS.len()).sum();
-        assert_eq!((counts.ubx, counts.unknown_bytes), (messages + 1, 0));
+        let answers = ANSWERS.iter().map(|(_, answer)| 1 + usize::from(answer.is_some())).sum::<usize>();
+        assert_eq!((counts.ubx, counts.unknown_bytes), (messages + answers + 1, 0));
     }
 }

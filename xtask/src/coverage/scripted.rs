@@ -1,8 +1,8 @@
 //! Runs that visit the failures of one part after the other, each once and at a time of its own.
 
 use bench::faults::{
-    Board, BufferFault, Buffers, ChipFault, Conduct, Fault, Faults, FrontEndFault, Kind, PowerFault, ReceiverFault,
-    Rng, Upset,
+    Board, BufferFault, Buffers, ChipFault, Conduct, Fault, Faults, FrontEndFault, HoldBoardFault, HoldFault, Kind,
+    PowerFault, ReceiverFault, Rng, Upset,
 };
 
 use super::run::{Addresses, Run};
@@ -43,15 +43,16 @@ pub(super) fn runs(gps: usize, seed: u64, addresses: &Addresses, hold: bool) -> 
     let mut add = |name: &str, (faults, end): (Faults, u64)| {
         let duration_ns = end + RESTART;
         let name = name.to_owned();
-        runs.push(Run { name, faults, duration_ns, factory_settings: false, every_message: false, judged: false });
+        runs.push(Run { name, faults, duration_ns, factory_settings: false, recordings: vec![], judged: false });
     };
     add("air and chips in turn", Faults::in_turn(Kind::Air, gps, &mut rng, UP, TURN));
     add("flight controller in turn", flight_controller(gps, &mut rng));
     add("registers flip in turn", registers_flip(boards));
     add("many SPI glitches", glitches(boards, seed));
+    add("misreads", misreads(boards, hold));
     add("stuck bits of buffers", stuck_buffers());
     add("interrupts without a task", without_task(boards));
-    let Addresses { ram, guards, hot, .. } = *addresses;
+    let Addresses { ram, guards, hot, .. } = addresses;
     for (nth, board) in [Board::Horus, Board::Dpr].into_iter().enumerate().filter(|(_, board)| boards.contains(board)) {
         let script = faulty_memory(board, ram[nth], guards[nth], hot[nth]);
         add(&format!("faulty memory of {}", bench::faults::name_of(board)), script);
@@ -99,6 +100,53 @@ fn glitches(boards: &[Board], seed: u64) -> (Faults, u64) {
     let end = UP + 6_000 * MS;
     let glitches = boards.iter().map(|board| Fault::Chip(*board, ChipFault::Glitches(seed)));
     (glitches.fold(Faults::none(), |faults, fault| faults.with(UP, end, fault)), end)
+}
+
+/// The front ends answer each read of the registers that are checked with another value.
+fn misreads(boards: &[Board], hold: bool) -> (Faults, u64) {
+    // The first byte of a read, the place of a byte behind it and the bits that are inverted: a chip of another type; a
+    // supply beyond its limits; operation control (reset or not), mode and bit rate; the mask of interrupts (reset or
+    // not), interrupts, errors and the level of the FIFO; no carrier; main and timer interrupts.
+    const READS: [(u8, u8, u8); 17] = [
+        (0x7F, 1, 0xF8),
+        (0x65, 1, 0x80),
+        (0x65, 1, 0x3F),
+        (0x42, 1, 0x80),
+        (0x42, 1, 0x04),
+        (0x42, 2, 0x01),
+        (0x42, 3, 0x01),
+        (0x59, 1, 0xFF),
+        (0x59, 1, 0x01),
+        (0x59, 2, 0x08),
+        (0x59, 4, 0x30),
+        (0x59, 6, 0x05),
+        (0x59, 7, 0xC0),
+        (0x59, 7, 0x30),
+        (0x71, 1, 0xFF),
+        (0x5A, 1, 0x80),
+        (0x5A, 2, 0x80),
+    ];
+    let (mut faults, mut at) = (Faults::none(), UP);
+    for (first, place, flips) in READS {
+        // Several of these registers are read only while a chip is brought up, which a transfer that fails causes.
+        let fault = ChipFault::Misreads { first, place, flips };
+        for (lasts, fault) in [(45 * MS, ChipFault::ReadsZeros), (150 * MS, fault)] {
+            let of_boards = boards.iter().map(|board| Fault::Chip(*board, fault));
+            let of_hold = [HoldFault::Board(HoldBoardFault::Chip(fault)), HoldFault::Port(fault)];
+            for failure in of_boards.chain(of_hold.into_iter().filter(|_| hold).map(Fault::Hold)) {
+                faults = faults.with(at, at + lasts, failure);
+            }
+        }
+        at += 270 * MS;
+    }
+    if hold {
+        // The front end that answers the hold has no other run.
+        for fault in ChipFault::ALL {
+            faults = faults.with(at, at + 250 * MS, Fault::Hold(HoldFault::Port(fault)));
+            at += 450 * MS;
+        }
+    }
+    (faults, at)
 }
 
 /// A bit is stuck in each buffer in turn, then in the same place at a start, and bits of the images flip.

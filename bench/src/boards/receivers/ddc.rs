@@ -18,7 +18,7 @@ use emulator_part::{I2cAnswer, I2cEvent, Pad, Pin};
 use super::{Crossings, Outbox};
 use crate::faults::Rng;
 use crate::faults::receivers::NOISE_ONE_IN;
-use crate::faults::receivers::bus::{BusFault, CLOCKS, GLITCH, GLITCHES, STRETCHED};
+use crate::faults::receivers::bus::{BusFault, CLOCKS, GLITCH, STRETCHED};
 use emulator_node::Input;
 
 /// The receiver's I2C address, shifted left by one; the lowest bit is the direction.
@@ -89,7 +89,7 @@ impl Ddc {
 
     pub(super) fn begin_fault(&mut self, now: u64, fault: BusFault, mut rng: Rng) {
         self.crossings.spoil_open();
-        let glitch_at = if fault == BusFault::Glitches { now + rng.between(GLITCHES.0, GLITCHES.1) } else { u64::MAX };
+        let glitch_at = fault.glitches().map_or(u64::MAX, |(least, most)| now + rng.between(least, most));
         match fault {
             BusFault::SdaUntilClocked | BusFault::SdaStuck => self.low[1] = true,
             BusFault::SclStuck => self.low[0] = true,
@@ -242,7 +242,8 @@ impl Ddc {
             moved = true;
         }
         if let Some(failing) = self.failing.as_mut().filter(|failing| at >= failing.glitch_at) {
-            failing.glitch_at = at + failing.rng.between(GLITCHES.0, GLITCHES.1);
+            let (least, most) = failing.fault.glitches().unwrap_or((u64::MAX, u64::MAX));
+            failing.glitch_at = at.saturating_add(failing.rng.between(least, most));
             self.glitch_over = at + GLITCH;
             self.low[1] = true;
             moved = true;

@@ -7,6 +7,7 @@
 //! | `NoAnswer` | no address is acknowledged | at the end |
 //! | `Stretches` | the clock is held for 20 ms after each address, which the data sheet allows | at the end |
 //! | `Glitches` | SDA is pulled low for 1 µs every now and then | at the end |
+//! | `Pulses` | likewise, ten times as often; never drawn | at the end |
 //! | `Noise` | one in [`super::NOISE_ONE_IN`] of the bits read, also of the length, is inverted | at the end |
 //! | `Ones`, `Zeros`, `Random`, `Shifted` | MISO is high, low, random, or a bit late | at the end |
 
@@ -27,6 +28,8 @@ pub enum BusFault {
     Stretches,
     /// SDA is pulled low for the time [`GLITCH`], at intervals of [`GLITCHES`].
     Glitches,
+    /// SDA is pulled low for the time [`GLITCH`], at intervals of [`PULSES`]. Faults that are drawn are never this one.
+    Pulses,
     /// Bits that are read over I2C are inverted.
     Noise,
     /// Every bit that is read on MISO is high.
@@ -45,11 +48,13 @@ pub const STRETCHED: u64 = 20_000_000;
 pub const GLITCH: u64 = 1_000;
 /// The shortest and the longest time from one glitch to the next, ns.
 pub const GLITCHES: (u64, u64) = (5_000, 400_000);
+/// The shortest and the longest time from one pulse to the next, ns: so many that a controller must not serve each.
+pub const PULSES: (u64, u64) = (5_000, 25_000);
 /// The number of clocks after which a receiver that holds SDA low releases it: UM10204 (I2C specification) 3.1.16.
 pub const CLOCKS: u32 = 9;
 
 impl BusFault {
-    /// All faults of a receiver's bus.
+    /// All faults of a receiver's bus that are drawn.
     pub const ALL: [Self; 11] = [
         Self::SdaUntilClocked,
         Self::SdaStuck,
@@ -73,6 +78,16 @@ impl BusFault {
         }
     }
 
+    /// The shortest and the longest time from one glitch on SDA to the next, ns; `None` without any.
+    #[must_use]
+    pub const fn glitches(self) -> Option<(u64, u64)> {
+        match self {
+            Self::Glitches => Some(GLITCHES),
+            Self::Pulses => Some(PULSES),
+            _ => None,
+        }
+    }
+
     /// Returns the fault's name in the event log.
     #[must_use]
     pub const fn name(self) -> &'static str {
@@ -83,6 +98,7 @@ impl BusFault {
             Self::NoAnswer => "acknowledges no address",
             Self::Stretches => "stretches the clock",
             Self::Glitches => "glitches on SDA",
+            Self::Pulses => "pulses on SDA",
             Self::Noise => "I2C with bit errors",
             Self::Ones => "MISO stuck high",
             Self::Zeros => "MISO stuck low",
