@@ -7,7 +7,7 @@
 //! |---|---|
 //! | the bench runs the release images, and each core notes what it executes | `coverage` of `cortex_m4` and `bench` |
 //! | the image's instructions are found without executing it | [`image`] |
-//! | the runs | [`runs`], [`scripted`], [`hold_runs`], [`messages`] |
+//! | the runs | [`runs`], [`scripted`], [`hold_runs`], [`listener_runs`], [`messages`] |
 //! | what leads only to a panic is told apart, and so is the log | [`paths`], [`callers`], [`gaps`] |
 //! | instructions are led back to source lines, and their comments read | [`source`] |
 //! | both are compared, and gaps explained | [`gaps`], [`twins`], [`explained`] |
@@ -23,6 +23,7 @@ mod explained;
 mod gaps;
 mod hold_runs;
 mod image;
+mod listener_runs;
 mod messages;
 mod part;
 mod paths;
@@ -234,7 +235,11 @@ fn flights_of(args: &CoverageArgs, setup: &Setup, records: &Records, addresses: 
         // The older of the two chips is on the boards in two of these runs.
         let is_older = ["hold: memory", "hold: starts"].contains(&run.name.as_str());
         let older = || on_the_link(FrontEndConfig::st25r3916());
-        let front_ends = if is_older { older() } else { setup.front_ends.clone() };
+        let front_ends = match run.name.as_str() {
+            _ if is_older => older(),
+            listener_runs::OTHER_CHIP => listener_runs::other_chip(),
+            _ => setup.front_ends.clone(),
+        };
         let setup = Setup { seed: seed(&run), front_ends, ..setup.clone() };
         Flight { run, setup, records: records.clone() }
     };
