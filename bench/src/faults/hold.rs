@@ -6,7 +6,7 @@ use st25r3916_model::{AirEvent, AirFaults, Chunk, ForeignCard, FrameStart, Techn
 
 pub use super::hold_board::Sensor;
 use super::hold_board::{HoldBoardFault, SensorFault};
-use super::{PowerFault, Rng};
+use super::{ChipFault, PowerFault, Rng};
 
 /// One millisecond, ns.
 const MS: u64 = 1_000_000;
@@ -54,6 +54,8 @@ pub enum HoldFault {
     Frames(AirFaults),
     /// A fault of the air from the DPR to the hold.
     Answers(AirFaults),
+    /// A fault of the chip of the DPR's second front end, or of a line to it. `--faults` does not draw this fault.
+    Port(ChipFault),
     /// A card in the hold's field answers in addition to the DPR.
     Foreign(ForeignCard),
     /// A fault of the hold's supply or reset pin.
@@ -124,6 +126,7 @@ impl HoldFault {
         match self {
             Self::Frames(_) => "frames".into(),
             Self::Answers(_) => "answers".into(),
+            Self::Port(fault) => format!("second port {}", fault.name()),
             Self::Foreign(_) => "foreign card".into(),
             Self::Power(fault) => format!("power {}", fault.name()),
             Self::Hang => "hangs".into(),
@@ -149,7 +152,7 @@ impl HoldFault {
             Self::Silent(_) | Self::Lies(..) | Self::BusStuck | Self::Sensors(_) => {
                 Disturbance::Hold { part: HoldPart::Sensors }
             }
-            Self::Frames(_) | Self::Answers(_) | Self::Foreign(_) | Self::Hostile(..) => {
+            Self::Frames(_) | Self::Answers(_) | Self::Port(_) | Self::Foreign(_) | Self::Hostile(..) => {
                 Disturbance::Hold { part: HoldPart::Air }
             }
         }

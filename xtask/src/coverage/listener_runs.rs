@@ -1,28 +1,38 @@
-//! Runs in which the DPR's front end fails at each transfer, and in which frames meet what the driver does.
+//! Runs in which a front end of the DPR fails at each transfer, and in which frames meet what the driver does.
 //!
 //! | run | what fails |
 //! |---|---|
-//! | listener: wrong bytes | one byte after the other that the DPR reads from the chip has only ones, or only zeros |
-//! | listener: broken bring-up | the chip fails at each step of a bring-up |
-//! | listener: late frames | a frame begins while the driver checks a chip that has been silent |
+//! | listener: wrong bytes | one byte after the other that the DPR reads from the chip has only ones, or only zeros; |
+//! | | each step of a bring-up; frames that begin while the driver checks a silent chip |
 //! | listener: other chip | the older chip, which resolves contradictions of its data sheet in the other way: a listener |
 //! | | receives frames without a command, a broken frame never ends, and clearing the FIFO keeps interrupts |
+//! | listener: second port | the chip to which the hold speaks, as in the first run and by each of its own failures |
 //!
 //! The judge's verdict is not asked for, since several failures meet.
 
-use bench::faults::{AirFaults, Board, ChipFault, Fault, Faults, FrontEndFault};
+use bench::faults::{AirFaults, Board, ChipFault, Fault, Faults, FrontEndFault, HoldFault};
 use bench::sim::{BrokenFrame, FrontEndConfig, on_the_link};
 
 const US: u64 = 1_000;
 const MS: u64 = 1_000_000;
 
-/// The end of a frame of HORUS in the bench's runs of three receivers, ns, and the time to the next one: HORUS's crystal
-/// is fast. A run of another profile meets other bytes.
-const FRAME_ENDS: u64 = 33_951_000;
-const CYCLE: u64 = 9_999_914;
+/// Frames that come at equal distances on the bench.
+#[derive(Clone, Copy)]
+struct Frames {
+    /// The end of one of the first frames, ns.
+    end: u64,
+    /// The time from one to the next, ns.
+    apart: u64,
+}
 
-/// The first frame that a script counts from.
-const FIRST: u64 = 120;
+/// HORUS's frames in a profile of three receivers. HORUS's crystal is fast.
+const HORUS: Frames = Frames { end: 333_948_000, apart: 9_999_914 };
+
+/// The hold's frames.
+const HOLD: Frames = Frames { end: 436_670_500, apart: 99_998_500 };
+
+/// The number of frames of HORUS after which a front end works again.
+const RECOVERY: u64 = 4;
 
 /// The name of the run with the older chip.
 pub(super) const OTHER_CHIP: &str = "listener: other chip";
@@ -37,113 +47,144 @@ pub(super) fn other_chip() -> FrontEndConfig {
     })
 }
 
-/// A list of faults under construction, with the number of the frame that the next one refers to.
+/// A list of faults under construction.
 struct Script {
     faults: Faults,
+    frames: Frames,
+    /// The number of the frame that the next fault refers to.
     frame: u64,
+    /// Makes a fault of the chip that receives the frames.
+    chip: fn(ChipFault) -> Fault,
 }
 
 impl Script {
-    fn new() -> Self {
-        Self { faults: Faults::none(), frame: FIRST }
+    fn of_horus() -> Self {
+        Self { faults: Faults::none(), frames: HORUS, frame: 0, chip: |fault| Fault::Chip(Board::Dpr, fault) }
+    }
+
+    fn of_hold() -> Self {
+        Self { faults: Faults::none(), frames: HOLD, frame: 0, chip: |fault| Fault::Hold(HoldFault::Port(fault)) }
+    }
+
+    /// The end of the present frame, ns.
+    fn end(&self) -> u64 {
+        self.frames.end + self.frame * self.frames.apart
     }
 
     /// `fault` from `after` ns behind the present frame's end on, for `lasts` ns.
     fn add(&mut self, fault: Fault, after: i64, lasts: u64) {
-        let at = (FRAME_ENDS + self.frame * CYCLE).saturating_add_signed(after);
+        let at = self.end().saturating_add_signed(after);
         let faults = std::mem::take(&mut self.faults);
         self.faults = faults.with(at, at + lasts, fault);
+    }
+
+    fn chip(&mut self, fault: ChipFault, after: i64, lasts: u64) {
+        self.add((self.chip)(fault), after, lasts);
+    }
+
+    fn air(&mut self, faults: AirFaults, after: i64, lasts: u64) {
+        self.add(Fault::Air(faults), after, lasts);
+    }
+
+    /// What the driver reads is wrong for `step` µs, at each `step` from `from` to `to` µs behind a frame's end.
+    fn wrong_bytes(&mut self, [from, to, step]: [i64; 3], recovery: u64) {
+        for at in (from..to).step_by(step as usize) {
+            for fault in [ChipFault::ReadsOnes, ChipFault::ReadsZeros] {
+                self.chip(fault, at * US as i64, step as u64 * US);
+                self.frame += recovery;
+            }
+        }
+    }
+
+    /// Two failures, the second of which meets each step of the bring-up after the first.
+    fn broken_bring_up(&mut self, faults: &[ChipFault], recovery: u64) {
+        for &fault in faults {
+            for step in 0..20 {
+                self.chip(ChipFault::ReadsOnes, 0, MS);
+                self.chip(fault, 2 * MS as i64 + step * 800 * US as i64, 850 * US);
+                self.frame += recovery;
+            }
+        }
     }
 }
 
 /// Returns the runs, each with its name, its faults and its end, ns.
-pub(super) fn listener_runs() -> Vec<(String, Faults, u64)> {
-    let wrong = WINDOWS.map(|[from, to]| (format!("listener: wrong bytes from {from} µs on"), wrong_bytes(from, to)));
-    let others = [
-        ("listener: broken bring-up", broken_bring_up()),
-        ("listener: late frames", late_frames()),
-        (OTHER_CHIP, frames_that_meet()),
-    ];
-    let others = others.map(|(name, script)| (name.to_owned(), script));
-    let all = wrong.into_iter().chain(others);
-    all.map(|(name, script)| (name, script.faults, (script.frame + 100) * CYCLE)).collect()
+pub(super) fn listener_runs(hold: bool) -> Vec<(&'static str, Faults, u64)> {
+    let mut scripts = vec![("listener: wrong bytes", wrong_bytes()), (OTHER_CHIP, frames_that_meet())];
+    if hold {
+        scripts.push(("listener: second port", second_port()));
+    }
+    let run = |(name, script): (_, Script)| {
+        let end = script.end() + 300 * MS;
+        (name, script.faults, end)
+    };
+    scripts.into_iter().map(run).collect()
 }
 
-fn chip(fault: ChipFault) -> Fault {
-    Fault::Chip(Board::Dpr, fault)
-}
-
-/// The front end is brought up again within six cycles.
-const RECOVERY: u64 = 6;
-
-/// When the driver reads, each from the first instant to the last, µs from a frame's end on: the status at the sync,
-/// what has arrived of the frame, the frame's end, the re-arming, and, without a frame, the configuration.
-const WINDOWS: [[i64; 2]; 6] = [[-4_665, -4_640], [-580, -560], [-120, -70], [3, 45], [105, 170], [20_130, 20_230]];
-
-fn wrong_bytes(from: i64, to: i64) -> Script {
-    let mut script = Script::new();
-    for at in from..to {
+fn wrong_bytes() -> Script {
+    let mut script = Script::of_horus();
+    // The last read while a frame arrives, the frame's end, and the re-arming.
+    for window in [[-120, -70, 1], [3, 45, 1], [105, 170, 3]] {
+        script.wrong_bytes(window, RECOVERY);
+    }
+    let lost = AirFaults { lost: 1.0, ..AirFaults::default() };
+    // The check of the configuration after two cycles without a frame.
+    for at in (20_130..20_230).step_by(6) {
         for fault in [ChipFault::ReadsOnes, ChipFault::ReadsZeros] {
-            if at > 10_000 {
-                let lost = AirFaults { lost: 1.0, ..AirFaults::default() };
-                script.add(Fault::Air(lost), MS as i64, 25 * MS);
-            }
-            script.add(chip(fault), at * US as i64, US);
-            script.frame += RECOVERY;
+            script.air(lost, MS as i64, 20 * MS);
+            script.chip(fault, at * US as i64, 6 * US);
+            script.frame += 2 + RECOVERY;
         }
     }
-    script
-}
-
-fn broken_bring_up() -> Script {
-    let mut script = Script::new();
-    for fault in [ChipFault::ReadsOnes, ChipFault::ReadsZeros, ChipFault::IrqHigh, ChipFault::NoInterrupts] {
-        for step in 0..40 {
-            script.add(chip(ChipFault::ReadsOnes), 0, MS);
-            script.add(chip(fault), 2 * MS as i64 + step * 400 * US as i64, 450 * US);
-            script.frame += 2 * RECOVERY;
-        }
-    }
-    script
-}
-
-fn late_frames() -> Script {
-    let mut script = Script::new();
-    let air = |faults| Fault::Air(faults);
-    for step in 0..50 {
-        let late = 14_700 * US + step * 4 * US;
+    let all = [ChipFault::ReadsOnes, ChipFault::ReadsZeros, ChipFault::IrqHigh, ChipFault::NoInterrupts];
+    script.broken_bring_up(&all, 2 * RECOVERY);
+    for step in 0..25 {
+        let late = 14_700 * US + step * 8 * US;
         let delayed = AirFaults { delayed: 1.0, delay_ns: (late, late), ..AirFaults::default() };
-        script.add(air(delayed), MS as i64, 7 * MS);
-        script.add(air(AirFaults { lost: 1.0, ..AirFaults::default() }), 8 * MS as i64, 10 * MS);
+        script.air(delayed, MS as i64, 7 * MS);
+        script.air(lost, 8 * MS as i64, 10 * MS);
         script.frame += RECOVERY;
     }
     script
 }
 
 fn frames_that_meet() -> Script {
-    let mut script = Script::new();
-    let again = Fault::FrontEnd(FrontEndFault::FrameAgain(200 * US));
-    let air = |faults| Fault::Air(faults);
-    script.add(air(AirFaults { truncated: 1.0, ..AirFaults::default() }), MS as i64, 150 * CYCLE);
-    script.frame += 150 + RECOVERY;
+    let mut script = Script::of_horus();
+    script.air(AirFaults { truncated: 1.0, ..AirFaults::default() }, MS as i64, 60 * HORUS.apart);
+    script.frame += 60 + RECOVERY;
     for step in 0..24 {
-        script.add(air(AirFaults { field_off: true, ..AirFaults::default() }), step * 430 * US as i64, MS);
+        script.air(AirFaults { field_off: true, ..AirFaults::default() }, step * 430 * US as i64, MS);
         script.frame += RECOVERY;
     }
-    // The second frame begins while the driver still waits for the first one's end.
-    script.add(again.clone(), MS as i64, 150 * CYCLE);
-    script.add(chip(ChipFault::NoFrameEnds), MS as i64, 40 * CYCLE);
-    script.frame += 40 + RECOVERY;
+    // A second frame begins while the driver still waits for the first one's end.
+    let again = |after| Fault::FrontEnd(FrontEndFault::FrameAgain(after));
+    script.add(again(200 * US), MS as i64, 100 * HORUS.apart);
+    script.chip(ChipFault::NoFrameEnds, MS as i64, 20 * HORUS.apart);
+    script.frame += 20 + RECOVERY;
     for step in 0..16 {
-        script.add(chip(ChipFault::IrqLow), -5 * MS as i64 + step * 400 * US as i64, 9 * MS);
+        script.chip(ChipFault::IrqLow, -5 * MS as i64 + step * 400 * US as i64, 9 * MS);
         script.frame += RECOVERY;
     }
     // A frame begins just when the driver gives up the frame before.
-    for step in 0..60 {
-        let again = Fault::FrontEnd(FrontEndFault::FrameAgain(1_100 * US + step * 4 * US));
-        script.add(again, MS as i64, 10 * MS);
-        script.add(chip(ChipFault::NoFrameEnds), MS as i64, 20 * MS);
+    script.frame += RECOVERY + 12;
+    for step in 0..40 {
+        script.add(again(1_100 * US + step * 6 * US), MS as i64, 10 * MS);
+        script.chip(ChipFault::NoFrameEnds, MS as i64, 20 * MS);
         script.frame += RECOVERY;
+    }
+    script
+}
+
+fn second_port() -> Script {
+    let mut script = Script::of_hold();
+    for fault in ChipFault::ALL {
+        script.chip(fault, MS as i64, 250 * MS);
+        script.frame += 5;
+    }
+    script.broken_bring_up(&[ChipFault::ReadsZeros, ChipFault::NoInterrupts], 1);
+    // A frame's end and the answer's preparation, the answer's end and the re-arming.
+    for window in [[3, 243, 6], [4_635, 4_755, 6]] {
+        script.wrong_bytes(window, 1);
     }
     script
 }
@@ -154,8 +195,8 @@ mod tests {
 
     #[test]
     fn each_run_of_the_listener_ends_after_its_last_fault() {
-        for (name, faults, end) in listener_runs() {
-            let last = faults.episodes().iter().map(|episode| episode.until).max().expect(&name);
+        for (name, faults, end) in listener_runs(true) {
+            let last = faults.episodes().iter().map(|episode| episode.until).max().expect(name);
             assert!(last < end && end < 60_000 * MS, "{name}: {last}, {end}");
         }
     }

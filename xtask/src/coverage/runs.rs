@@ -82,7 +82,7 @@ pub(super) fn runs(
     runs.push(unjudged("tasks out of order", faults, end));
     let (faults, end) = broken_at_the_start(boards);
     runs.push(unjudged("chips broken at the start", faults, end));
-    runs.extend(listener_runs().into_iter().map(|(name, faults, end)| unjudged(&name, faults, end)));
+    runs.extend(listener_runs(hold).into_iter().map(|(name, faults, end)| unjudged(name, faults, end)));
     if hold {
         runs.push(damaged(Board::Dpr, crcs[1]));
         runs.extend(hold_runs().into_iter().map(|(name, faults, end)| unjudged(&format!("hold: {name}"), faults, end)));

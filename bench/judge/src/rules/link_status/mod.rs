@@ -111,7 +111,7 @@ impl Snapshot {
         }
         self.samples.push(sample);
         // The oldest two samples are merged into one, which stands for all samples from the first to the second.
-        if let [oldest, second, ..] = self.samples[..]
+        while let [oldest, second, ..] = self.samples[..]
             && self.samples.len() > REMEMBERED
         {
             self.samples.splice(..2, [oldest.or(second)]);
@@ -219,7 +219,10 @@ impl LinkStatus {
         let mut newest = self.snapshots.iter_mut().rev();
         let (Some(last), Some(before)) = (newest.next(), newest.next()) else { return };
         if at < last.ended() + bounds::LAST_BIT_TO_READABLE {
-            last.samples.splice(..0, before.samples.iter().copied());
+            // Each sample is kept once, however often the front end fails.
+            let is_lost = |old: &&Sample| last.samples.iter().all(|kept| kept.at != old.at);
+            let lost: Vec<Sample> = before.samples.iter().filter(is_lost).copied().collect();
+            last.samples.splice(..0, lost);
             last.none |= before.none;
         }
     }
