@@ -90,6 +90,7 @@ impl Violation {
     pub const fn of_request(rejection: Rejection) -> Self {
         match rejection {
             Rejection::Window => Self::WindowOutside,
+            // Not covered: a request is parsed from all of its bytes, so its length is never wrong.
             Rejection::Length => Self::TooShort,
             _ => Self::RequestDamaged,
         }
@@ -148,6 +149,7 @@ impl Violations {
 
     /// Counts `times` more violations of the kind `kind`.
     pub fn count(&mut self, kind: Violation, times: u16) {
+        // Not covered: only this line, since each kind has its place.
         if let Some(count) = self.0.get_mut(kind.index()) {
             *count = count.saturating_add(times);
         }

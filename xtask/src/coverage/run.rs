@@ -26,6 +26,8 @@ pub(super) struct Addresses {
     pub(super) guards: [u32; 2],
     /// The ends of the code that runs from RAM; 0 for none.
     pub(super) hot: [u32; 2],
+    /// The beginning and the end of the variable of the DPR's task that receives frames.
+    pub(super) receiver: [u32; 2],
 }
 
 #[cfg(test)]
@@ -35,5 +37,6 @@ impl Addresses {
         ram: [0x2000_0000, 0x2001_0000],
         guards: [0x2000_0100, 0x2001_0100],
         hot: [0, 0x80_C000],
+        receiver: [0x2001_1000, 0x2001_1080],
     };
 }

@@ -7,11 +7,18 @@
 //! | listener: other chip | the older chip, which resolves contradictions of its data sheet in the other way: a listener |
 //! | | receives frames without a command, a broken frame never ends, and clearing the FIFO keeps interrupts |
 //! | listener: second port | the chip to which the hold speaks, as in the first run and by each of its own failures |
+//! | dpr: memory | each word of the receive buffers has a stuck bit, and each word of the task that receives a flipped |
+//! | | one; then the program no longer fits its CRC |
 //!
 //! The judge's verdict is not asked for, since several failures meet.
 
-use bench::faults::{AirFaults, Board, ChipFault, Fault, Faults, FrontEndFault, HoldFault};
+use bench::faults::{
+    AirFaults, Board, BufferFault, Buffers, ChipFault, Conduct, Fault, Faults, FrontEndFault, HoldFault, ImageFault,
+    PowerFault, Upset, tasks_of,
+};
 use bench::sim::{BrokenFrame, FrontEndConfig, on_the_link};
+
+use super::run::Addresses;
 
 const US: u64 = 1_000;
 const MS: u64 = 1_000_000;
@@ -109,8 +116,12 @@ impl Script {
 }
 
 /// Returns the runs, each with its name, its faults and its end, ns.
-pub(super) fn listener_runs(hold: bool) -> Vec<(&'static str, Faults, u64)> {
-    let mut scripts = vec![("listener: wrong bytes", wrong_bytes()), (OTHER_CHIP, frames_that_meet())];
+pub(super) fn dpr_runs(addresses: &Addresses, hold: bool) -> Vec<(&'static str, Faults, u64)> {
+    let mut scripts = vec![
+        ("listener: wrong bytes", wrong_bytes()),
+        (OTHER_CHIP, frames_that_meet()),
+        ("dpr: memory", memory(addresses)),
+    ];
     if hold {
         scripts.push(("listener: second port", second_port()));
     }
@@ -124,7 +135,7 @@ pub(super) fn listener_runs(hold: bool) -> Vec<(&'static str, Faults, u64)> {
 fn wrong_bytes() -> Script {
     let mut script = Script::of_horus();
     // The last read while a frame arrives, the frame's end, and the re-arming.
-    for window in [[-120, -70, 1], [3, 45, 1], [105, 170, 3]] {
+    for window in [[-120, -70, 1], [3, 25, 1], [105, 170, 3]] {
         script.wrong_bytes(window, RECOVERY);
     }
     let lost = AirFaults { lost: 1.0, ..AirFaults::default() };
@@ -138,6 +149,36 @@ fn wrong_bytes() -> Script {
     }
     let all = [ChipFault::ReadsOnes, ChipFault::ReadsZeros, ChipFault::IrqHigh, ChipFault::NoInterrupts];
     script.broken_bring_up(&all, 2 * RECOVERY);
+    // The number of bytes is 0 in the status before the first read of a frame.
+    for at in -4_345..-4_322 {
+        script.chip(ChipFault::ReadsZeros, at * US as i64, US);
+        script.frame += RECOVERY;
+    }
+    // The sync of a frame is noticed late, so the first read takes more bytes: 19 µs each.
+    for late in 0..50 {
+        script.chip(ChipFault::IrqLow, -4_700 * US as i64, (60 + 19 * late) * US);
+        script.frame += 2;
+    }
+    failures_without_a_frame(&mut script);
+    // Every object of a frame is damaged.
+    script.air(AirFaults { bit_error: 5e-3, ..AirFaults::default() }, MS as i64, 30 * HORUS.apart);
+    script.frame += 30 + RECOVERY;
+    // Silence without a field.
+    script.air(AirFaults { field_off: true, ..AirFaults::default() }, MS as i64, 70 * HORUS.apart);
+    script.frame += 70 + RECOVERY;
+    // What the status shows after a time without interrupts: a frame that broke off, and a field that went on and off.
+    let field_off = AirFaults { field_off: true, ..AirFaults::default() };
+    for step in 0..6 {
+        script.chip(ChipFault::IrqLow, 4 * MS as i64, 24 * MS);
+        script.air(field_off, 7 * MS as i64 + step * 3 * US as i64, 30 * MS);
+        script.frame += 2 * RECOVERY;
+    }
+    for step in 0..4 {
+        script.air(field_off, 0, 60 * MS + step * 3 * MS);
+        script.chip(ChipFault::IrqLow, 50 * MS as i64, 50 * MS);
+        script.air(field_off, (62 + 3 * step as i64) * MS as i64, 60 * MS);
+        script.frame += 5 * RECOVERY;
+    }
     for step in 0..25 {
         let late = 14_700 * US + step * 8 * US;
         let delayed = AirFaults { delayed: 1.0, delay_ns: (late, late), ..AirFaults::default() };
@@ -146,6 +187,25 @@ fn wrong_bytes() -> Script {
         script.frame += RECOVERY;
     }
     script
+}
+
+/// Each failure nine times in a row, without a frame: the driver counts seven.
+fn failures_without_a_frame(script: &mut Script) {
+    const TIMES: u64 = 9;
+    // A bit of the register of the mode, which is checked without frames, and one of a setting.
+    let flips = [26, 60].map(|place| (Fault::Flip(Board::Dpr, place), 0));
+    let reset = Fault::Power(Board::Dpr, PowerFault::FrontEndOff);
+    let irq = (script.chip)(ChipFault::IrqHigh);
+    // A setting is read back once in 0.25 s, the back-off takes up to 64 ms.
+    for ((fault, lasts), each) in flips.into_iter().chain([(reset, MS), (irq, MS)]).zip([12, 32, 12, 12]) {
+        let lost = AirFaults { lost: 1.0, ..AirFaults::default() };
+        script.air(lost, MS as i64, TIMES * each * script.frames.apart);
+        for _ in 0..TIMES {
+            script.frame += each;
+            script.add(fault.clone(), 0, lasts);
+        }
+        script.frame += 3 * RECOVERY;
+    }
 }
 
 fn frames_that_meet() -> Script {
@@ -189,13 +249,53 @@ fn second_port() -> Script {
     script
 }
 
+/// The words of a receive buffer.
+const WORDS: u64 = 65;
+
+fn memory(addresses: &Addresses) -> Script {
+    let mut script = Script::of_horus();
+    // The flight controller asks for self-tests, which find the wrong CRC.
+    let wrong = ImageFault::Patch { address: addresses.crcs[1], bytes: vec![0; 4], sealed: false };
+    script.add(Fault::Image(Board::Dpr, wrong), 0, 500 * HORUS.apart);
+    script.add(Fault::FlightController(Conduct::WritesEach), 0, 600 * HORUS.apart);
+    script.frame += 620;
+    // An image expires in a transaction, while the task that publishes is dead. The watchdog restarts the DPR.
+    let commit = tasks_of(Board::Dpr).iter().position(|(name, _)| *name == "commit");
+    for step in 0..3 {
+        script.add(Fault::FlightController(Conduct::TenThousand), 0, 40 * HORUS.apart);
+        script.add(Fault::DeadTask(Board::Dpr, commit.unwrap_or(0) as u8), (20 + step * 3) * MS as i64, 0);
+        script.frame += 100;
+    }
+    // Short transactions, more than the port task can take.
+    script.add(Fault::FlightController(Conduct::Every { bytes: 9, period_ns: 98 * US }), 0, 30 * HORUS.apart);
+    script.frame += 40;
+    for nth in 0..60 {
+        let flip = BufferFault::Flips(Buffers::Image, 8 * (nth * 37) + nth % 8);
+        script.add(Fault::Buffer(flip), 3 * MS as i64, 0);
+        script.frame += 1;
+    }
+    // The first buffer with a stuck bit is taken out of use, and the others stay.
+    for word in [0].into_iter().chain((0..WORDS).map(|word| WORDS + word)) {
+        let bit = 8 * 4 * word + word % 32;
+        script.add(Fault::Buffer(BufferFault::Stuck(Buffers::Receive, true, bit)), 0, 3 * HORUS.apart);
+        script.frame += 3;
+    }
+    // A flip within a frame, behind its first read. The watchdog restarts the DPR if it stops.
+    let [from, to] = addresses.receiver;
+    for address in (from..to).step_by(4) {
+        script.add(Fault::Upset(Board::Dpr, Upset::Ram { address, bit: 1 }), -3 * MS as i64, 0);
+        script.frame += RECOVERY;
+    }
+    script
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn each_run_of_the_listener_ends_after_its_last_fault() {
-        for (name, faults, end) in listener_runs(true) {
+    fn each_run_of_the_dpr_ends_after_its_last_fault() {
+        for (name, faults, end) in dpr_runs(&Addresses::EXAMPLE, true) {
             let last = faults.episodes().iter().map(|episode| episode.until).max().expect(name);
             assert!(last < end && end < 60_000 * MS, "{name}: {last}, {end}");
         }
