@@ -248,7 +248,8 @@ impl Integrity {
     /// Whether the image of `generation`, which is read at present, has to be withdrawn. True only once for each
     /// finding.
     pub fn take_withdrawal(&self, generation: u32) -> bool {
-        // Not covered: only this line, the second try of an exclusive access, since no task interrupts the first.
+        // Not covered: only this line, a second try, which takes an interrupt between the two instructions of the
+        // exclusive access.
         let damaged = self.damaged.swap(0, Ordering::Relaxed);
         self.withdraw.swap(false, Ordering::Relaxed) || damaged != 0 && damaged == generation
     }
@@ -269,7 +270,7 @@ impl Integrity {
         let state = self.self_test.load(Ordering::Relaxed);
         let ended = state == PASSED || state == FAILED;
         // If a self-test was requested after the load, this compare-and-exchange fails, so the request is kept.
-        // Not covered: only this line, a failed or second exclusive access, since no task interrupts this one.
+        // Not covered: only this line, since only this task ends this state; and a second try, as above.
         let taken = ended && self.self_test.compare_exchange(state, NONE, Ordering::Relaxed, Ordering::Relaxed).is_ok();
         taken.then_some(state == PASSED)
     }
@@ -333,7 +334,7 @@ impl Judge {
     /// again.
     pub fn begin_self_test(&mut self, integrity: &Integrity) -> bool {
         let state = &integrity.self_test;
-        // Not covered: only this line, a second try of the exclusive access, as above.
+        // Not covered: only this line, a second try, as above.
         let begins = state.compare_exchange(REQUESTED, RUNNING, Ordering::Relaxed, Ordering::Relaxed).is_ok();
         if begins {
             self.self_test = SelfTest::default();
@@ -385,7 +386,7 @@ impl Judge {
         let SelfTest { flash: Some(flash), ram: Some(ram) } = self.self_test else { return };
         let result = if flash && ram { PASSED } else { FAILED };
         // If another self-test was requested meanwhile, this compare-and-exchange fails, so the new request is kept.
-        // Not covered: only this line, a second try of the exclusive access, as above.
+        // Not covered: only this line, a second try, as above.
         let _ = integrity.self_test.compare_exchange(RUNNING, result, Ordering::Relaxed, Ordering::Relaxed);
     }
 }

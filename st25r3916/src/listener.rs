@@ -688,8 +688,8 @@ impl Listener {
         match &mut self.frame {
             Some(_) => self.status_in_frame(status, late),
             None if status.is_set(reg::IRQ_RXS | reg::IRQ_RXE) => self.status_begins(status),
-            // Not covered: only this line, whose copies for a late status and for an interrupt of something else are
-            // not given each error: the chip reports errors at a frame's end.
+            // Not covered: only this line, since an error raises the interrupt, so that a late status shows none
+            // without a frame, and a quiet one none either.
             None if status.error != 0 => self.short(ListenerState::RearmClear, command::CLEAR_FIFO),
             None if late => {
                 // Not covered: the limit of the sum, since 8 s of silence begin it anew.
@@ -875,6 +875,7 @@ impl Frame {
 
     /// Records a read of `count` bytes of the frame. `first` is the first of these bytes.
     pub(crate) fn was_read(&mut self, count: u16, first: Option<u8>) {
+        // Not covered: in an exchange, a second read, or one without a byte: it reads an answer in one piece.
         if self.got == 0 {
             self.total = first.map(|len| u16::from(len) + 2);
         }

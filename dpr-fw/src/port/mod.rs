@@ -316,7 +316,7 @@ impl WritePort {
                 flight_controller_age_ms: saturated(flight_controller_ms),
                 violations: self.violations,
                 // Not covered: counts above 65 535: the patrol finds one damaged object after the other, and a pass
-                // over flash takes 10 s.
+                // over flash takes seconds.
                 integrity_faults: saturated(diagnostics.integrity_faults),
                 flash_passes: saturated(diagnostics.flash_passes),
                 // Not covered: counts above 65 535, as above; a buffer with stuck bits is taken out of use.

@@ -81,8 +81,8 @@ impl<const LEN: usize> Server<LEN> {
         let (ours, over_read, overflow) = (events.ours, events.over_read, events.overflow);
         let ended = events
             .received
-            // Not covered: only this line, since an ended transaction always has received bytes, possibly none of
-            // them new.
+            // Not covered: only this line, since there is a slice of received bytes behind each transaction, empty or
+            // not.
             .map(|mosi| self.windows.transaction(mosi))
             .map(|asked| Ended { spent: self.budget.spend(), handed_over: ssi.hand_over(asked) });
         // Not covered: only this line, since the end of a transaction gives the processor the semaphore

@@ -93,6 +93,12 @@ impl Script {
         self.add(Fault::Air(faults), after, lasts);
     }
 
+    /// `fault` from the first frame on to the present one.
+    fn throughout(&mut self, fault: HoldFault) {
+        let faults = std::mem::take(&mut self.faults);
+        self.faults = faults.with(self.frames.end, self.end(), Fault::Hold(fault));
+    }
+
     /// What the driver reads is wrong for `step` µs, at each `step` from `from` to `to` µs behind a frame's end.
     fn wrong_bytes(&mut self, [from, to, step]: [i64; 3], recovery: u64) {
         for at in (from..to).step_by(step as usize) {
@@ -123,6 +129,11 @@ pub(super) fn dpr_runs(addresses: &Addresses, hold: bool) -> Vec<(&'static str, 
         ("dpr: memory", memory(addresses)),
     ];
     if hold {
+        // What the hold and the second port exchange breaks off, or meets its own repetition.
+        scripts[0].1.throughout(HoldFault::Answers(AirFaults { truncated: 1.0, ..AirFaults::default() }));
+        let repeat_after_ns = (0, 4 * MS);
+        let again = AirFaults { repeated: 1.0, repeat_after_ns, ..AirFaults::default() };
+        scripts[1].1.throughout(HoldFault::Frames(again));
         scripts.push(("listener: second port", second_port()));
     }
     let run = |(name, script): (_, Script)| {
@@ -175,7 +186,7 @@ fn wrong_bytes() -> Script {
     }
     for step in 0..4 {
         script.air(field_off, 0, 60 * MS + step * 3 * MS);
-        script.chip(ChipFault::IrqLow, 50 * MS as i64, 50 * MS);
+        script.chip(ChipFault::IrqLow, (59 + 3 * step as i64) * MS as i64, 4 * MS);
         script.air(field_off, (62 + 3 * step as i64) * MS as i64, 60 * MS);
         script.frame += 5 * RECOVERY;
     }
