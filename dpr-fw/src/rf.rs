@@ -190,6 +190,7 @@ impl<P: FrontEndPort> Reception<P> {
                     }
                     // Not covered: only this line, the end of the other copy of the locked section.
                     front_end.lock(|state| *state = FrontEnd::Lost(fault));
+                    // Not covered: only this line, the end of the other copy of the locked section above.
                     replace_buffer(executor, &mut rotation, telemetry);
                     *early = Early::default();
                     handed = true;

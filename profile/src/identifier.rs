@@ -62,10 +62,10 @@ impl Identifier {
     /// The identifier of object number `index` of a profile: 0 is Reported-Position, 1 to 5 are GPS1 to GPS5.
     #[must_use]
     pub const fn of_object(index: usize) -> Option<Self> {
-        // Not covered: only this line, since the objects of a frame of three receivers end before the last
-        // identifier.
         match index {
             0 => Some(Self::REPORTED_POSITION),
+            // Not covered: only this line, since the objects of a frame of three receivers end before the last
+            // identifier.
             1..=5 => Some(Self::gps(index)),
             _ => None,
         }

@@ -88,9 +88,10 @@ impl Violation {
     /// Returns the kind of violation that counts for a rejected [request](crate::ssi::parse).
     #[must_use]
     pub const fn of_request(rejection: Rejection) -> Self {
+        // Not covered: only this line, since a request is parsed from all of its bytes, so that its length is never
+        // wrong.
         match rejection {
             Rejection::Window => Self::WindowOutside,
-            // Not covered: a request is parsed from all of its bytes, so its length is never wrong.
             Rejection::Length => Self::TooShort,
             _ => Self::RequestDamaged,
         }
@@ -99,6 +100,8 @@ impl Violation {
     /// Returns the kind of violation that counts for a rejected [object](crate::uplink::Written::verify).
     #[must_use]
     pub const fn of_object(rejection: Rejection) -> Self {
+        // Not covered: only this line, since no object is rejected for a repeated timestamp here: the port compares
+        // timestamps itself.
         match rejection {
             Rejection::Length => Self::TooShort,
             Rejection::Identifier => Self::UplinkIdentifier,

@@ -710,6 +710,7 @@ impl Listener {
     }
 
     fn begin_frame(&mut self, status: Status) {
+        // Not covered: only this line, the other read mode, which only the second port has.
         self.frame.insert(Frame::new(self.config.read_mode)).note(status);
     }
 
@@ -764,9 +765,9 @@ impl Listener {
         let Some(frame) = &mut self.frame else {
             return self.fault(Fault::Executor);
         };
+        // Not covered: only this line, a part of what `Frame::ends` explains.
         match frame.ends(status) {
             Err(why) => self.lose(why),
-            // Not covered: a frame of the announced length, or whose LEN is unknown: both have bytes left to read.
             Ok(0) => self.deliver(),
             Ok(left) => {
                 let got = frame.got;
@@ -915,6 +916,8 @@ impl Frame {
             };
             // The number of the frame's bytes that had arrived when the status before the last read was evaluated.
             let arrived = self.got + MARGIN;
+            // Not covered: only this line, in the unrolled turn of the last read, which a frame reaches with bytes to
+            // come.
             if let Some(total) = self.total
                 && total > arrived + to_come
             {

@@ -187,6 +187,7 @@ impl Ssi for SsiPort {
             // Between the end of a transaction and the next release, both buffers belong to the processor.
             compiler_fence(Ordering::SeqCst);
         }
+        // Not covered: a call without the semaphore, as in `Server::serve`.
         if ours {
             self.granted = false;
         }

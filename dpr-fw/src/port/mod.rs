@@ -190,6 +190,8 @@ impl WritePort {
 
         match transaction.asked {
             Asked::Refused(violation) => self.refuse(violation, 1),
+            // Not covered: a request of two words, since a short one has less; and zeros, since an area of zeros is
+            // not judged.
             Asked::Short if !is_idle(request) => self.refuse(Violation::TooShort, 1),
             Asked::Short | Asked::Nothing | Asked::Window => {}
         }
@@ -201,9 +203,11 @@ impl WritePort {
                 self.refuse(violation, 1);
             }
         }
+        // Not covered: turns for four words, since an area has two words beyond the object.
         if !is_idle(beyond) {
             self.refuse(Violation::TooLong, 1);
         }
+        // Not covered: the copy behind bytes that are too many, with an object of less than four words.
         !is_idle(object) || self.total != total
     }
 
@@ -240,6 +244,7 @@ impl WritePort {
     fn refuse(&mut self, violation: Violation, times: u32) {
         // Not covered: the limit of the count, which a misuse in each transaction reaches after weeks.
         self.total = self.total.saturating_add(times);
+        // Not covered: more than 65 535 at once, since few transactions fit between two images.
         self.violations.count(violation, saturated(times));
     }
 
@@ -318,6 +323,7 @@ impl WritePort {
                 // Not covered: counts above 65 535: the patrol finds one damaged object after the other, and a pass
                 // over flash takes seconds.
                 integrity_faults: saturated(diagnostics.integrity_faults),
+                // Not covered: counts above 65 535, as above.
                 flash_passes: saturated(diagnostics.flash_passes),
                 // Not covered: counts above 65 535, as above; a buffer with stuck bits is taken out of use.
                 stuck_bits: saturated(diagnostics.stuck_bits),

@@ -68,6 +68,7 @@ impl<B: Memory> Exchange<B> {
 
     /// Makes the image that was filled the newest one.
     pub fn publish(&mut self, filling: Filling<B>) {
+        // Not covered: only this line, the question whether the queue is full, as in `put`.
         if let Some(unread) = self.newest.replace(filling.received(())) {
             put(&mut self.dirty, unread.done());
         }
@@ -78,6 +79,7 @@ impl<B: Memory> Exchange<B> {
     pub fn take(&mut self, streamed: Option<Received<B, ()>>) -> (Option<Received<B, ()>>, bool) {
         match (self.newest.take(), streamed) {
             (Some(newest), streamed) => {
+                // Not covered: only this line, the question whether the queue is full, as in `put`.
                 if let Some(streamed) = streamed {
                     put(&mut self.dirty, streamed.done());
                 }

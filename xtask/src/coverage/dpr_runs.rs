@@ -161,7 +161,7 @@ fn wrong_bytes() -> Script {
     let all = [ChipFault::ReadsOnes, ChipFault::ReadsZeros, ChipFault::IrqHigh, ChipFault::NoInterrupts];
     script.broken_bring_up(&all, 2 * RECOVERY);
     // The number of bytes is 0 in the status before the first read of a frame.
-    for at in -4_345..-4_322 {
+    for at in -4_345..-4_300 {
         script.chip(ChipFault::ReadsZeros, at * US as i64, US);
         script.frame += RECOVERY;
     }
@@ -238,8 +238,8 @@ fn frames_that_meet() -> Script {
     }
     // A frame begins just when the driver gives up the frame before.
     script.frame += RECOVERY + 12;
-    for step in 0..40 {
-        script.add(again(1_100 * US + step * 6 * US), MS as i64, 10 * MS);
+    for step in 0..60 {
+        script.add(again(1_100 * US + step * 4 * US), MS as i64, 10 * MS);
         script.chip(ChipFault::NoFrameEnds, MS as i64, 20 * MS);
         script.frame += RECOVERY;
     }
@@ -253,6 +253,15 @@ fn second_port() -> Script {
         script.frame += 5;
     }
     script.broken_bring_up(&[ChipFault::ReadsZeros, ChipFault::NoInterrupts], 1);
+    // A bit is stuck in each buffer at a start, and then in flight: the first is taken out of use.
+    for (nth, starts) in [(0, true), (1, true), (2, true), (0, false), (1, false), (2, false)] {
+        let stuck = BufferFault::Stuck(Buffers::HoldReceive, true, 8 * (nth * 4 * WORDS + 20));
+        script.add(Fault::Buffer(stuck), 0, 290 * MS);
+        if starts {
+            script.add(Fault::Power(Board::Dpr, PowerFault::Pin), MS as i64, 0);
+        }
+        script.frame += 3;
+    }
     // A frame's end and the answer's preparation, the answer's end and the re-arming.
     for window in [[3, 243, 6], [4_635, 4_755, 6]] {
         script.wrong_bytes(window, 1);
@@ -267,15 +276,25 @@ fn memory(addresses: &Addresses) -> Script {
     let mut script = Script::of_horus();
     // The flight controller asks for self-tests, which find the wrong CRC.
     let wrong = ImageFault::Patch { address: addresses.crcs[1], bytes: vec![0; 4], sealed: false };
-    script.add(Fault::Image(Board::Dpr, wrong), 0, 500 * HORUS.apart);
-    script.add(Fault::FlightController(Conduct::WritesEach), 0, 600 * HORUS.apart);
-    script.frame += 620;
-    // An image expires in a transaction, while the task that publishes is dead. The watchdog restarts the DPR.
-    let commit = tasks_of(Board::Dpr).iter().position(|(name, _)| *name == "commit");
+    script.add(Fault::Image(Board::Dpr, wrong), 0, 900 * HORUS.apart);
+    script.add(Fault::FlightController(Conduct::WritesEach), 0, 940 * HORUS.apart);
+    script.frame += 950;
+    // An image expires in a transaction, while the tasks that publish are dead. The watchdog restarts the DPR.
     for step in 0..3 {
         script.add(Fault::FlightController(Conduct::TenThousand), 0, 40 * HORUS.apart);
-        script.add(Fault::DeadTask(Board::Dpr, commit.unwrap_or(0) as u8), (20 + step * 3) * MS as i64, 0);
-        script.frame += 100;
+        for (task, (name, _)) in (0..).zip(tasks_of(Board::Dpr)) {
+            if ["commit", "deadline"].contains(name) {
+                script.add(Fault::DeadTask(Board::Dpr, task), (20 + step * 3) * MS as i64, 0);
+            }
+        }
+        script.frame += 70;
+    }
+    // A bit is stuck in each other buffer at a start than in the first.
+    for (buffers, nth, size) in [(Buffers::Receive, 1, 260), (Buffers::Receive, 2, 260), (Buffers::Written, 1, 80)] {
+        let stuck = BufferFault::Stuck(buffers, true, 8 * (nth * size + 21));
+        script.add(Fault::Buffer(stuck), 0, 20 * HORUS.apart);
+        script.add(Fault::Power(Board::Dpr, PowerFault::Pin), MS as i64, 0);
+        script.frame += 30;
     }
     // Short transactions, more than the port task can take.
     script.add(Fault::FlightController(Conduct::Every { bytes: 9, period_ns: 98 * US }), 0, 30 * HORUS.apart);
@@ -293,7 +312,7 @@ fn memory(addresses: &Addresses) -> Script {
     }
     // A flip within a frame, behind its first read. The watchdog restarts the DPR if it stops.
     let [from, to] = addresses.receiver;
-    for address in (from..to).step_by(4) {
+    for address in (from..to).step_by(4).rev() {
         script.add(Fault::Upset(Board::Dpr, Upset::Ram { address, bit: 1 }), -3 * MS as i64, 0);
         script.frame += RECOVERY;
     }
