@@ -187,7 +187,6 @@ impl Begun {
         let Ok(there) = u16::try_from(bytes.len()) else { return };
         // Not covered: only this line, since no caller gives fewer bytes than before.
         let register = FRAME_TABLE.update(self.register, bytes.get(self.bytes()..).unwrap_or(&[]));
-        // Not covered: fewer bytes than before, as above.
         *self = Self { register, bytes: self.bytes.max(there) };
     }
 

@@ -199,7 +199,6 @@ impl Ssi for SsiPort {
         let (over_read, overflow) = (status.overread().is_present(), status.overflow().is_present());
         self.spis.status.write(|w| w.overread().clear().overflow().clear());
         self.received = usize::from(self.spis.rxd.amount.read().amount().bits()).min(RECEIVE_BYTES);
-        // Not covered: the area is missing only within `hand_over`, which puts one back.
         let area = self.area.as_ref().map_or(&[][..], |area| bytemuck::cast_slice(area.peek().as_slice()));
         // Not covered: only this line, since the number of received bytes was cut to the area's size.
         Events { ours, received: area.get(..self.received), over_read, overflow }

@@ -1,7 +1,5 @@
 use profile::{LinkStatusBits, LinkValues, ResetReason};
 
-use super::{LinkStatus, REMEMBERED, Rule, Sample};
-
 use crate::disturbance::{Harm, Memory};
 use crate::rules::shown::synthetic::{Air, Image, MS, Run, US};
 use crate::testing::{DPR_FRONT_END, HORUS_FRONT_END, IMAGE_BIT, RECEIVE_BIT, injected};
@@ -530,12 +528,12 @@ fn a_frame_that_ended_just_before_a_fault_may_be_missed() {
 
 #[test]
 fn a_front_end_that_fails_again_and_again_multiplies_no_sample() {
-    let mut rule = LinkStatus::new(&crate::testing::header(3));
+    let mut rule = <super::LinkStatus as super::Rule>::new(&crate::testing::header(3));
     for at in 1..1_000 {
         let mut next = rule.snapshots.back().unwrap().clone();
-        next.accept(Sample { at, delay: 0, unsure: 0 }, false);
+        next.accept(super::Sample { at, delay: 0, unsure: 0 }, false);
         rule.snapshots.push_back(next);
         rule.may_have_missed(0);
     }
-    assert!(rule.snapshots.back().unwrap().samples.len() <= REMEMBERED + 2);
+    assert!(rule.snapshots.back().unwrap().samples.len() <= super::REMEMBERED + 2);
 }
