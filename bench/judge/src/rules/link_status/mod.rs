@@ -219,10 +219,11 @@ impl LinkStatus {
         let mut newest = self.snapshots.iter_mut().rev();
         let (Some(last), Some(before)) = (newest.next(), newest.next()) else { return };
         if at < last.ended() + bounds::LAST_BIT_TO_READABLE {
-            // Each sample is kept once, however often the front end fails.
-            let is_lost = |old: &&Sample| last.samples.iter().all(|kept| kept.at != old.at);
-            let lost: Vec<Sample> = before.samples.iter().filter(is_lost).copied().collect();
-            last.samples.splice(..0, lost);
+            // Unless the DPR certainly accepted a newer sample, `last` has the earlier ones already.
+            let has = |old: &Sample| last.samples.iter().any(|kept| kept.at == old.at);
+            if !before.samples.last().is_some_and(has) {
+                last.samples.splice(..0, before.samples.iter().copied());
+            }
             last.none |= before.none;
         }
     }
