@@ -6,7 +6,8 @@ use bench_judge::Violation;
 ///
 /// Wrong content of an object counts, because the judge does not report whether the object was shown. Wrong flags of
 /// Link-Status, a wrong state of HORUS, a wrong timestamp and a wrong number of uplinks count as well, because readers
-/// act on them.
+/// act on them. An age and flags by which the link looks worse than it is do not count: a DPR that has lost a frame
+/// tells that, and nobody uses what is old or wrong because of it.
 #[must_use]
 pub(crate) const fn is_dangerous(violation: Violation) -> bool {
     matches!(

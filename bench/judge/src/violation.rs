@@ -186,12 +186,18 @@ violations! {
     /// The age of the sample in Link-Status does not fit the tick at which the sample was taken.
     // Shows LNK-1.
     LinkAge = "Link-Status tells a wrong age",
+    /// The age of the sample in Link-Status is greater than any that fits: the sample looks older than it is.
+    // Shows LNK-1.
+    LinkAgeOver = "Link-Status tells too great an age",
     /// The counters in Link-Status do not fit the frames that reached the antenna.
     // Shows LNK-2.
     LinkCounters = "Link-Status tells wrong counters",
     /// The flags in Link-Status do not fit the frames at the antenna, the DPR's starts or the injected faults.
     // Shows LNK-3, LNK-4, LNK-5, LNK-6, LNK-7, LNK-8.
     LinkFlags = "Link-Status tells wrong flags",
+    /// The flags in Link-Status deny what is well, or report a fault that is none: the link looks worse than it is.
+    // Shows LNK-3, LNK-4, LNK-5, LNK-6, LNK-7, LNK-8.
+    LinkFlagsOver = "Link-Status tells of a fault that is none",
     /// The timestamp of Link-Status differs from the time since the DPR's start.
     // Shows LNK-9.
     LinkTime = "Link-Status tells a wrong time",

@@ -119,13 +119,17 @@ table! {
         setup: |setup| setup.crystals.flight_controller_ppb = -1_000_000,
         ..Row::new(Violation::Regression, regressed)
     };
-    link_age => Row::new(Violation::LinkAge, || link_status(25, 0x10));
+    // The age after a cycle is about 49 times 0.1 ms; its bit 5 is set.
+    link_age => Row::new(Violation::LinkAge, || link_status(24, 0x20));
+    link_age_over => Row::new(Violation::LinkAgeOver, || link_status(25, 0x10));
     link_counters => Row::new(Violation::LinkCounters, || link_status(8, 0x01));
-    link_flags => Row::new(Violation::LinkFlags, || link_status(7, 0x02));
+    // The reason of the DPR's last reset.
+    link_flags => Row::new(Violation::LinkFlags, || link_status(7, 0x10));
+    link_flags_over => Row::new(Violation::LinkFlagsOver, || link_status(7, 0x02));
     // A fault changes the DPR's counter of RAM faults, which Link-Status reports.
     link_flags_of_a_ram_fault => Row {
         also: Some(Violation::DprComplains),
-        ..Row::new(Violation::LinkFlags, || {
+        ..Row::new(Violation::LinkFlagsOver, || {
             let offset = u32::try_from(offset_of!(Telemetry, scrub_faults)).unwrap();
             let bytes = vec![1, 0, 0, 0];
             let poke = ImageFault::Poke { symbol: "DPR_TELEMETRY".into(), offset, bytes };

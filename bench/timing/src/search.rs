@@ -6,6 +6,7 @@ use bench::faults::{Conduct, Fault, Faults, Kind};
 use bench::sim::phases::{Edge, Placement, Sweep};
 use bench::sim::{Crystals, Error, Images, Setup, processors};
 use bench_judge::Log;
+use cortex_m4::Register;
 use emulator_node::{AnyNode, Clock, Firmware, Stack, Threads, Usage};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
@@ -225,8 +226,10 @@ impl Watch {
 
     fn take(&mut self, node: &mut dyn AnyNode, reached: u64) {
         self.observer.take(node.take_schedule());
-        // The stack is measured only after the start, because the memory test of the start clears the whole stack.
-        if let Some(stack) = self.stack.filter(|_| self.observer.has_started()) {
+        // The stack is measured only after the start, because the memory test of the start clears the whole stack, and
+        // not while interrupts are masked: the patrol then has its patterns in words that no task has used.
+        let is_masked = node.core_register(Register::Primask) & 1 != 0;
+        if let Some(stack) = self.stack.filter(|_| self.observer.has_started() && !is_masked) {
             let used = node.stack_touched(stack, GUARD);
             self.seen.stack = (self.seen.stack.0.max(used), stack.size());
         }

@@ -234,10 +234,10 @@ impl Ssi for SsiPort {
         with: impl FnOnce(Option<Received<ImageBuffer, ()>>) -> (Option<Received<ImageBuffer, ()>>, R),
     ) -> R {
         assert!(!self.granted, "the image is being streamed");
-        let before = self.image.as_ref().map(|image| image.memory().as_ptr());
+        let before = self.image.as_ref().map(Received::address);
         let (image, result) = with(self.image.take());
         // Not covered: only this line, since there is an image from the first publication on.
-        if let Some(image) = image.as_ref().filter(|image| Some(image.memory().as_ptr()) != before) {
+        if let Some(image) = image.as_ref().filter(|image| Some(image.address()) != before) {
             super::integrity::shown(image.memory());
         }
         self.image = image;

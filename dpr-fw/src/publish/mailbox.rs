@@ -97,7 +97,7 @@ impl<M: Mutex<T = Mailbox<B>>, B: ImageBuffer, D: Doorbell> Images for Outbox<'_
             telemetry.scrubbed(found);
             filling
         });
-        borrow::BorrowMut::borrow_mut(filling.memory())
+        borrow::BorrowMut::borrow_mut(filling.verified())
     }
 
     fn place_port<const N: usize>(&mut self) {

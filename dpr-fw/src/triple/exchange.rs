@@ -1,8 +1,6 @@
 //! The buffers of images on their way from the commit task to the SSI.
 
-use heapless::Deque;
-
-use super::{keep, put, Clean, Dirty, Filling, InUse, Memory, Outcome, Received, Scrubbable, Scrubbed};
+use super::{keep, Clean, Dirty, Filling, InUse, Memory, Outcome, Received, Scrubbable, Scrubbed, Waiting};
 
 /// The number of buffers of an [`Exchange`]. Whatever the order in which the tasks preempt each other, at most four are
 /// in use at once: one is streamed, one waits to be streamed, one is scrubbed, one is filled.
@@ -19,8 +17,8 @@ pub const IMAGES_LEAST: usize = 3;
 #[derive(Debug)]
 pub struct Exchange<B> {
     newest: Option<Received<B, ()>>,
-    clean: Deque<Clean<B>, IMAGES>,
-    dirty: Deque<Dirty<B>, IMAGES>,
+    clean: Waiting<Clean<B>, IMAGES>,
+    dirty: Waiting<Dirty<B>, IMAGES>,
     in_use: InUse<{ IMAGES as u32 }, { IMAGES_LEAST as u32 }>,
 }
 
@@ -47,9 +45,9 @@ impl<B: Memory> Blank<B> {
 impl<B: Memory> Exchange<B> {
     /// Returns an exchange whose buffers hold no image.
     pub fn new(buffers: [B; IMAGES]) -> Self {
-        let mut exchange = Self { newest: None, clean: Deque::new(), dirty: Deque::new(), in_use: InUse::ALL };
+        let mut exchange = Self { newest: None, clean: Waiting::NONE, dirty: Waiting::NONE, in_use: InUse::ALL };
         for buffer in buffers {
-            put(&mut exchange.dirty, Dirty::new(buffer));
+            exchange.dirty.push(Dirty::new(buffer));
         }
         exchange
     }
@@ -62,15 +60,15 @@ impl<B: Memory> Exchange<B> {
 
     /// Returns a buffer to fill. `None` only if all buffers are streamed, wait to be streamed, or are being scrubbed.
     pub fn begin(&mut self) -> Option<Blank<B>> {
-        let clean = self.clean.pop_front().map(Blank::Clean);
-        clean.or_else(|| self.dirty.pop_front().map(Blank::Dirty))
+        let clean = self.clean.pop().map(Blank::Clean);
+        clean.or_else(|| self.dirty.pop().map(Blank::Dirty))
     }
 
     /// Makes the image that was filled the newest one.
     pub fn publish(&mut self, filling: Filling<B>) {
         // Not covered: only this line, the question whether the queue is full, as in `put`.
         if let Some(unread) = self.newest.replace(filling.received(())) {
-            put(&mut self.dirty, unread.done());
+            self.dirty.push(unread.done());
         }
     }
 
@@ -81,7 +79,7 @@ impl<B: Memory> Exchange<B> {
             (Some(newest), streamed) => {
                 // Not covered: only this line, the question whether the queue is full, as in `put`.
                 if let Some(streamed) = streamed {
-                    put(&mut self.dirty, streamed.done());
+                    self.dirty.push(streamed.done());
                 }
                 (Some(newest), true)
             }
@@ -97,14 +95,14 @@ impl<B: Memory> Scrubbable for Exchange<B> {
         if self.in_use.is_least() {
             return None;
         }
-        self.dirty.pop_front()
+        self.dirty.pop()
     }
 
     fn scrubbed(&mut self, outcome: Outcome<B>) -> Scrubbed {
         // Not covered: a faulty buffer when the least number is in use, since `take_dirty` gives none then.
         let (clean, found) = self.in_use.admit(outcome);
         if let Some(clean) = clean {
-            put(&mut self.clean, clean);
+            self.clean.push(clean);
         }
         found
     }

@@ -33,6 +33,11 @@
 //!
 //! A task that has to scrub a buffer itself, because no clean one is left, uses the buffer even if it is faulty.
 //!
+//! # Flipped bits
+//!
+//! A buffer is a reference, and a bit of its address may flip in RAM. So each state also holds the complement of the
+//! address, and compares both before the memory is written, read or scrubbed. If they differ, the DPR stops.
+//!
 //! # Every order
 //!
 //! `tests/interleavings` runs these types in every order of the tasks, DMA and a bit that gets stuck
@@ -44,7 +49,6 @@ mod rotation;
 mod tests;
 mod types;
 
-use heapless::Deque;
 use rtic_core::Mutex;
 
 pub use exchange::{Blank, Exchange, IMAGES, IMAGES_LEAST};
@@ -119,9 +123,33 @@ pub(crate) fn keep<B>(outcome: Outcome<B>) -> (Clean<B>, Scrubbed) {
     }
 }
 
-/// Puts a buffer into a queue. This cannot fail, because each queue has room for all buffers that can be in it.
-fn put<T, const LEN: usize>(queue: &mut Deque<T, LEN>, item: T) {
-    // Not covered: each queue has room for all buffers that can be in it, so none is full.
-    let full = queue.push_back(item).is_err();
-    debug_assert!(!full, "a buffer too many has appeared");
+/// The buffers that wait for a task, first the one that has waited longest. There is no index that a flipped bit could
+/// move: a place is empty if the address in it is 0.
+#[derive(Debug)]
+pub(crate) struct Waiting<T, const N: usize>([Option<T>; N]);
+
+impl<T, const N: usize> Waiting<T, N> {
+    pub(crate) const NONE: Self = Self([const { None }; N]);
+
+    /// Adds a buffer behind those that wait.
+    ///
+    /// # Panics
+    ///
+    /// Every place is taken. This cannot happen without a flipped bit, because each queue has room for all buffers that
+    /// can be in it.
+    pub(crate) fn push(&mut self, item: T) {
+        let place = self.0.iter_mut().find(|place| place.is_none());
+        // Not covered: a queue has room for all buffers that can be in it.
+        *place.expect("each buffer has a place") = Some(item);
+    }
+
+    pub(crate) fn pop(&mut self) -> Option<T> {
+        let first = self.0.first_mut()?.take();
+        for place in 1..N {
+            if self.0[place].is_some() {
+                self.0[place - 1] = self.0[place].take();
+            }
+        }
+        first
+    }
 }

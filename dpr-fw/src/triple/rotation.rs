@@ -1,8 +1,6 @@
 //! The receive buffers, while they wait for a task.
 
-use heapless::Deque;
-
-use super::{keep, put, Clean, Dirty, Filling, InUse, Memory, Outcome, Received, Scrubbable, Scrubbed};
+use super::{keep, Clean, Dirty, Filling, InUse, Memory, Outcome, Received, Scrubbable, Scrubbed, Waiting};
 
 /// The number of receive buffers: one is written, one is read, one is scrubbed.
 pub const RECEIVE_BUFFERS: usize = 3;
@@ -16,9 +14,9 @@ pub const RECEIVE_LEAST: usize = 2;
 /// The receive buffers that wait for a task. One buffer of the three is always being written.
 #[derive(Debug)]
 pub struct Rotation<B, I> {
-    clean: Deque<Clean<B>, 2>,
-    received: Deque<Received<B, I>, 2>,
-    pub(super) dirty: Deque<Dirty<B>, 2>,
+    clean: Waiting<Clean<B>, 2>,
+    received: Waiting<Received<B, I>, 2>,
+    pub(super) dirty: Waiting<Dirty<B>, 2>,
     in_use: InUse<{ RECEIVE_BUFFERS as u32 }, { RECEIVE_LEAST as u32 }>,
 }
 
@@ -39,7 +37,7 @@ impl<B: Memory, I> Rotation<B, I> {
     /// Cannot panic, since [`RECEIVE_LEAST`] buffers always stay in use.
     pub fn new(buffers: [B; RECEIVE_BUFFERS]) -> (Filling<B>, Self, Scrubbed) {
         let mut rotation =
-            Self { clean: Deque::new(), received: Deque::new(), dirty: Deque::new(), in_use: InUse::ALL };
+            Self { clean: Waiting::NONE, received: Waiting::NONE, dirty: Waiting::NONE, in_use: InUse::ALL };
         let mut all = Scrubbed::default();
         let mut first = None;
         for buffer in buffers {
@@ -48,7 +46,7 @@ impl<B: Memory, I> Rotation<B, I> {
             if let Some(clean) = clean {
                 match first {
                     None => first = Some(clean.receive()),
-                    Some(_) => put(&mut rotation.clean, clean),
+                    Some(_) => rotation.clean.push(clean),
                 }
             }
         }
@@ -63,9 +61,9 @@ impl<B: Memory, I> Rotation<B, I> {
 
     /// Hands the buffer of a whole frame on to be read, and returns a clean buffer to be written.
     pub fn rotate(&mut self, filling: Filling<B>, about: I) -> (Filling<B>, Rotated) {
-        match self.clean.pop_front() {
+        match self.clean.pop() {
             Some(clean) => {
-                put(&mut self.received, filling.received(about));
+                self.received.push(filling.received(about));
                 (clean.receive(), Rotated::Handed)
             }
             None => {
@@ -78,9 +76,9 @@ impl<B: Memory, I> Rotation<B, I> {
     /// Queues the buffer of an incomplete frame for a scrub, and returns a clean buffer to be written. If none is left,
     /// scrubs the given buffer at once and also returns the result of that scrub.
     pub fn replace(&mut self, filling: Filling<B>) -> (Filling<B>, Scrubbed) {
-        match self.clean.pop_front() {
+        match self.clean.pop() {
             Some(clean) => {
-                put(&mut self.dirty, filling.discard());
+                self.dirty.push(filling.discard());
                 (clean.receive(), Scrubbed::default())
             }
             None => {
@@ -92,12 +90,12 @@ impl<B: Memory, I> Rotation<B, I> {
 
     /// Returns the frame that has waited longest to be read.
     pub fn read(&mut self) -> Option<Received<B, I>> {
-        self.received.pop_front()
+        self.received.pop()
     }
 
     /// Ends the reading of a frame: its buffer now waits to be scrubbed.
     pub fn done(&mut self, received: Received<B, I>) {
-        put(&mut self.dirty, received.done());
+        self.dirty.push(received.done());
     }
 }
 
@@ -105,13 +103,13 @@ impl<B: Memory, I> Scrubbable for Rotation<B, I> {
     type Buffer = B;
 
     fn take_dirty(&mut self) -> Option<Dirty<B>> {
-        self.dirty.pop_front()
+        self.dirty.pop()
     }
 
     fn scrubbed(&mut self, outcome: Outcome<B>) -> Scrubbed {
         let (clean, found) = self.in_use.admit(outcome);
         if let Some(clean) = clean {
-            put(&mut self.clean, clean);
+            self.clean.push(clean);
         }
         found
     }

@@ -1,4 +1,9 @@
-use std::{cell::RefCell, collections::VecDeque};
+use std::{
+    cell::{Cell, RefCell},
+    collections::VecDeque,
+    panic::AssertUnwindSafe,
+    rc::Rc,
+};
 
 use proptest::prelude::*;
 
@@ -99,6 +104,67 @@ fn a_scrub_fills_with_ones_and_with_zeros_and_reads_each_back() {
     assert_eq!(faulty.keep().receive().memory().0.take(), [('w', u32::MAX), ('r', u32::MAX), ('w', 0), ('r', 0)]);
 }
 
+// Shows SAFE-18.
+#[test]
+fn a_buffer_whose_address_has_changed_is_not_used() {
+    #[derive(Clone, Debug)]
+    struct Placed(Rc<Cell<usize>>);
+    impl Memory for Placed {
+        fn words(&self) -> usize {
+            0
+        }
+        fn fill(&mut self, _: u32) {}
+        fn differing_bits(&self, _: u32) -> u32 {
+            0
+        }
+        fn address(&self) -> usize {
+            self.0.get()
+        }
+    }
+    let is_used = |bit: u32, by: fn(Clean<Placed>)| {
+        let address = Rc::new(Cell::new(0x2000_1000));
+        let clean = Dirty::new(Placed(address.clone())).scrub().expect("it is sound");
+        address.set(address.get() ^ 1_usize.checked_shl(bit).unwrap_or(0));
+        std::panic::catch_unwind(AssertUnwindSafe(|| by(clean))).is_ok()
+    };
+    let uses: [fn(Clean<Placed>); 3] = [
+        |clean| assert!(clean.receive().discard().scrub().is_ok()),
+        |clean| drop(clean.receive().memory().clone()),
+        |clean| drop(clean.receive().received(()).memory().clone()),
+    ];
+    for by in uses {
+        assert!(is_used(usize::BITS, by), "no bit has flipped");
+        for bit in 0..usize::BITS {
+            assert!(!is_used(bit, by), "bit {bit}");
+        }
+    }
+}
+
+#[test]
+fn buffers_leave_a_queue_in_the_order_in_which_they_came() {
+    let mut queue = Waiting::<u32, 3>::NONE;
+    let mut model = VecDeque::new();
+    for (number, pushes) in [true, true, false, true, true, false, false, true, false, false, false].iter().enumerate()
+    {
+        if *pushes {
+            queue.push(number as u32);
+            model.push_back(number as u32);
+        } else {
+            assert_eq!(queue.pop(), model.pop_front());
+        }
+    }
+    assert_eq!((queue.pop(), queue.0), (None, [None; 3]));
+}
+
+#[test]
+#[should_panic(expected = "each buffer has a place")]
+fn a_buffer_too_many_is_not_lost() {
+    let mut queue = Waiting::<u32, 2>::NONE;
+    for buffer in 0..3 {
+        queue.push(buffer);
+    }
+}
+
 #[test]
 fn reading_back_counts_every_bit_that_differs() {
     let ram = [0x0000_0000, 0x8000_0001, 0xFFFF_FFFF];
@@ -188,7 +254,7 @@ proptest! {
                 0 | 1 => {
                     frame += 1;
                     let in_hand = usize::from(reading.is_some()) + usize::from(scrubbing.is_some());
-                    let spare = 3 - 1 - waiting.len() - in_hand - rotation.dirty.len();
+                    let spare = 3 - 1 - waiting.len() - in_hand - rotation.dirty.0.iter().flatten().count();
                     prop_assert_eq!(filling.memory().words, [0; WORDS], "written over old data");
                     filling.memory().write(frame);
                     let (next, rotated) = rotation.rotate(filling, frame);

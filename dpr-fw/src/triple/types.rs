@@ -14,6 +14,10 @@ pub trait Memory {
     fn fill(&mut self, pattern: u32);
     /// Returns how many bits differ from `pattern`. They are read back from the memory itself.
     fn differing_bits(&self, pattern: u32) -> u32;
+    /// Returns the address of memory behind a reference; 0 for memory that moves with its owner.
+    fn address(&self) -> usize {
+        0
+    }
 }
 
 impl<M: Memory + ?Sized> Memory for &mut M {
@@ -25,6 +29,9 @@ impl<M: Memory + ?Sized> Memory for &mut M {
     }
     fn differing_bits(&self, pattern: u32) -> u32 {
         (**self).differing_bits(pattern)
+    }
+    fn address(&self) -> usize {
+        (&raw const **self).addr()
     }
 }
 
@@ -59,29 +66,60 @@ impl<const WORDS: usize> Memory for [u32; WORDS] {
     }
 }
 
+/// A buffer with the complement of its address. A bit of either may flip while the buffer waits in RAM, and the buffer
+/// would be other memory.
+#[derive(Debug)]
+struct Placed<B> {
+    buffer: B,
+    not_address: usize,
+}
+
+impl<B: Memory> Placed<B> {
+    fn new(buffer: B) -> Self {
+        Self { not_address: !buffer.address(), buffer }
+    }
+
+    fn check(&self) {
+        if self.buffer.address() != !self.not_address {
+            moved();
+        }
+    }
+
+    fn get_mut(&mut self) -> &mut B {
+        self.check();
+        &mut self.buffer
+    }
+}
+
+#[cold]
+#[inline(never)]
+fn moved() -> ! {
+    panic!("the address of a buffer has changed")
+}
+
 /// A buffer that was scrubbed and not written since.
 #[derive(Debug)]
-pub struct Clean<B>(B);
+pub struct Clean<B>(Placed<B>);
 
 /// The buffer that is being written.
 #[derive(Debug)]
-pub struct Filling<B>(B);
+pub struct Filling<B>(Placed<B>);
 
 /// A buffer that holds a frame which no task has read yet.
 #[derive(Debug)]
 pub struct Received<B, I> {
-    buffer: B,
+    buffer: Placed<B>,
     about: I,
 }
 
 /// A buffer that may not be read any more. Every new buffer begins in this state.
 #[derive(Debug)]
-pub struct Dirty<B>(B);
+pub struct Dirty<B>(Placed<B>);
 
 /// A buffer in which the scrub found stuck bits. Whoever drops it takes it out of use until the next start.
 #[derive(Debug)]
 pub struct Faulty<B> {
-    buffer: B,
+    buffer: Placed<B>,
     stuck_bits: u32,
 }
 
@@ -111,15 +149,28 @@ impl<B> Clean<B> {
     }
 }
 
-impl<B> Filling<B> {
+impl<B: Memory> Filling<B> {
     /// Returns the memory to write.
+    ///
+    /// # Panics
+    ///
+    /// A bit of the buffer's address has flipped. So do the other functions that return or scrub the memory.
     pub fn memory(&mut self) -> &mut B {
-        &mut self.0
+        self.0.get_mut()
+    }
+}
+
+impl<B> Filling<B> {
+    /// Returns the memory to write, and does not verify its address: the caller has verified this buffer's state in
+    /// RAM ([`Checked`](firmware_common::checked::Checked)).
+    pub fn verified(&mut self) -> &mut B {
+        &mut self.0.buffer
     }
 
-    /// Returns the memory as written so far, for the task that writes it.
+    /// Returns the memory as written so far, for the task that writes it. Does not verify the address, since a CRC
+    /// decides over what is read.
     pub fn peek(&self) -> &B {
-        &self.0
+        &self.0.buffer
     }
 
     /// Ends the writing: the buffer now holds a whole frame, which may be read once. `about` is kept with the frame.
@@ -133,12 +184,20 @@ impl<B> Filling<B> {
     }
 }
 
-impl<B, I> Received<B, I> {
-    /// Returns the memory that holds the frame.
-    pub fn memory(&self) -> &B {
-        &self.buffer
+impl<B: Memory, I> Received<B, I> {
+    /// Returns the address of the memory, which tells it from other buffers.
+    pub fn address(&self) -> usize {
+        self.buffer.buffer.address()
     }
 
+    /// Returns the memory that holds the frame.
+    pub fn memory(&self) -> &B {
+        self.buffer.check();
+        &self.buffer.buffer
+    }
+}
+
+impl<B, I> Received<B, I> {
     /// Returns what the writer of the frame passed to [`Filling::received`] about it.
     pub fn about(&self) -> &I {
         &self.about
@@ -153,7 +212,7 @@ impl<B, I> Received<B, I> {
 impl<B: Memory> Dirty<B> {
     /// Takes over a buffer with unknown contents.
     pub fn new(buffer: B) -> Self {
-        Self(buffer)
+        Self(Placed::new(buffer))
     }
 
     /// Fills the buffer with 0xFF and with 0x00, and reads it back each time.
@@ -163,9 +222,10 @@ impl<B: Memory> Dirty<B> {
     /// [`Faulty`] if any bit that is read back differs.
     pub fn scrub(mut self) -> Result<Clean<B>, Faulty<B>> {
         let mut stuck_bits = 0;
+        let memory = self.0.get_mut();
         for pattern in [u32::MAX, 0] {
-            self.0.fill(pattern);
-            stuck_bits += self.0.differing_bits(pattern);
+            memory.fill(pattern);
+            stuck_bits += memory.differing_bits(pattern);
         }
         if stuck_bits == 0 {
             Ok(Clean(self.0))

@@ -227,7 +227,7 @@ pub(crate) fn exchange(cycles: &Cycles) {
         defmt::assert!(image.memory().iter().all(|word| *word == round));
         streamed = Some(image);
     }
-    begin.assert("Exchange::begin", bounds(40, 35, 45, 8));
+    begin.assert("Exchange::begin", bounds(50, 45, 65, 8));
     publish.assert("Exchange::publish", bounds(25, 25, 35, 8));
     take.assert("Exchange::take", bounds(65, 55, 75, 8));
 }

@@ -11,10 +11,13 @@
 //!
 //! | violation | Link-Status is compared with |
 //! |---|---|
-//! | `LinkAge` | the age of the last accepted Reported-Position, counted from its tick on the TICK pin |
+//! | `LinkAge`, `LinkAgeOver` | the age of the last accepted Reported-Position, counted from its tick on the TICK pin |
 //! | `LinkCounters` | the frames at the antenna: counters lie within what is certain, and advance as they must |
-//! | `LinkFlags` | the frames at the antenna, the DPR's last start, and the injected faults |
+//! | `LinkFlags`, `LinkFlagsOver` | the frames at the antenna, the DPR's last start, and the injected faults |
 //! | `LinkTime` | the time since the DPR's start |
+//!
+//! `LinkAgeOver` and `LinkFlagsOver` are of a Link-Status by which the link looks worse than it is. They mislead nobody to
+//! use what is old or wrong; the DPR tells so much when it has lost a frame that reached its antenna.
 //!
 //! If FRESH has not announced an image as rule `ssi` requires, the image is not compared. If objects are missing in the
 //! image (rule `shown`), bits 0 and 1 of the status may fit the image or the frames at the antenna.
@@ -29,6 +32,7 @@ mod start;
 #[cfg(test)]
 mod tests;
 
+use std::cmp::Ordering;
 use std::collections::VecDeque;
 
 use clocks::Clocks;
@@ -51,6 +55,9 @@ const REMEMBERED: usize = 64;
 const INSTANTS: u64 = 30_000;
 
 const AGE_UNIT: u64 = 100_000;
+
+/// The claims of Link-Status that the link is well. Each other claim reports a fault.
+const WELL: [&str; 3] = ["the link up", "all accepted", "in sequence"];
 
 /// The tolerance, ns, of the second in which Link-Status reports a restart of HORUS: the time of a commit and the
 /// errors of the crystals.
@@ -307,15 +314,22 @@ impl LinkStatus {
             });
         }
         let mut of_candidates = candidates.iter().filter_map(|index| self.snapshots.get(*index));
-        if !of_candidates.clone().any(|snapshot| age_fits(snapshot, values.age_100us, published)) {
-            findings.add(Violation::LinkAge, reading.selected, || format!("{} · 100 µs", values.age_100us));
+        let mut ages = of_candidates.clone().map(|snapshot| compare_age(values.age_100us, snapshot, published));
+        if ages.clone().all(Ordering::is_ne) {
+            let over = ages.all(Ordering::is_gt) && !candidates.is_empty();
+            let violation = if over { Violation::LinkAgeOver } else { Violation::LinkAge };
+            findings.add(violation, reading.selected, || format!("{} · 100 µs", values.age_100us));
         }
         let no_field = self.no_field(published, dpr.since, disturbances);
         let flags = |snapshot| self.wrong_flags(snapshot, values.status, reading, published, context, no_field);
-        // If no snapshot fits, the report states what contradicts the last snapshot, which includes every frame.
-        let wrong = of_candidates.try_fold(String::new(), |_, snapshot| flags(snapshot));
-        if let Some(words) = wrong.filter(|_| of_the_start.is_none()) {
-            findings.add(Violation::LinkFlags, reading.selected, || words);
+        // If no snapshot fits, the report states what contradicts the last snapshot, which includes every frame. The
+        // link looks worse than it is only if it does so beside each snapshot.
+        let wrong = of_candidates.try_fold((Violation::LinkFlagsOver, String::new()), |(so_far, _), snapshot| {
+            let (violation, words) = flags(snapshot)?;
+            Some((so_far.min(violation), words))
+        });
+        if let Some((violation, words)) = wrong.filter(|_| of_the_start.is_none()) {
+            findings.add(violation, reading.selected, || words);
         }
     }
 
@@ -394,7 +408,7 @@ impl LinkStatus {
         published: u64,
         context: &Context,
         no_field: Certainty,
-    ) -> Option<String> {
+    ) -> Option<(Violation, String)> {
         let disturbances = context.disturbances();
         let sealed = published - bounds::SEALED_BEFORE_FRESH.min(published);
         let expected = self.objects_expected(snapshot, published);
@@ -428,12 +442,12 @@ impl LinkStatus {
             ("HORUS restarted", status.horus_restarted(), None, restarted),
             ("a RAM fault", status.ram_fault(), None, fault(Excuse::RamFault)),
             ("a front end fault", status.front_end_fault(), None, front_end),
-            ("out of sequence", !status.out_of_sequence(), None, held),
+            ("in sequence", !status.out_of_sequence(), None, held),
             ("HORUS's clock implausible", status.horus_clock_implausible(), None, implausible),
             ("a flash fault", status.flash_fault(), None, fault(Excuse::FlashFault)),
             ("no field", status.no_field(), None, no_field),
         ];
-        let wrong = claims.iter().find(|(_, said, shown, truth)| {
+        let is_wrong = |(_, said, shown, truth): &&(&str, bool, Option<bool>, Certainty)| {
             let against = |truth: bool| truth != *said;
             let truth = match truth {
                 Certainty::Must => against(true),
@@ -441,8 +455,14 @@ impl LinkStatus {
                 Certainty::May => false,
             };
             truth && shown.is_none_or(against)
-        });
-        wrong.map(|(words, ..)| format!("{words}: status {:#06x}", status.bits()))
+        };
+        // The link looks better than it is if what is well is claimed wrongly, or if a fault is denied wrongly.
+        let better = claims.iter().find(|claim| is_wrong(claim) && WELL.contains(&claim.0) == claim.1);
+        let (violation, (words, ..)) = match better {
+            Some(claim) => (Violation::LinkFlags, claim),
+            None => (Violation::LinkFlagsOver, claims.iter().find(is_wrong)?),
+        };
+        Some((violation, format!("{words}: status {:#06x}", status.bits())))
     }
 
     /// Returns whether an image must report that there is no field. A front end that starts in a field detects the
@@ -527,14 +547,24 @@ fn shows(reading: &Reading, frame: &Delivery) -> bool {
     objects.any(|(index, bytes, _)| reading.objects.iter().any(|it| it.index == *index && it.bytes == *bytes))
 }
 
-/// Returns whether Link-Status may state the age `told`, in 0.1 ms, in an image published at `published`.
-fn age_fits(snapshot: &Snapshot, told: u16, published: u64) -> bool {
+/// Compares the age `told` by Link-Status, in 0.1 ms, in an image published at `published`, with the ages that it may
+/// state: equal to one of them, greater than all, or less than one of them.
+fn compare_age(told: u16, snapshot: &Snapshot, published: u64) -> Ordering {
     let units = |ns: u64| u16::try_from(ns / AGE_UNIT).unwrap_or(u16::MAX);
-    let fits = |sample: &Sample| {
+    let compare = |sample: &Sample| {
         let age = published.saturating_sub(sample.at);
         let crystals = age / 1_000_000 * bounds::CRYSTALS_PPM;
         let least = age.saturating_sub(bounds::SEALED_BEFORE_FRESH + INSTANTS + crystals + sample.delay);
-        (units(least)..=units(age + INSTANTS + crystals + sample.unsure)).contains(&told)
+        match told {
+            _ if told < units(least) => Ordering::Less,
+            _ if told > units(age + INSTANTS + crystals + sample.unsure) => Ordering::Greater,
+            _ => Ordering::Equal,
+        }
     };
-    snapshot.none && told == u16::MAX || snapshot.samples.iter().any(fits)
+    let mut ages = snapshot.samples.iter().map(compare);
+    match () {
+        () if snapshot.none && told == u16::MAX || ages.clone().any(Ordering::is_eq) => Ordering::Equal,
+        () if !snapshot.samples.is_empty() && ages.all(Ordering::is_gt) => Ordering::Greater,
+        () => Ordering::Less,
+    }
 }

@@ -26,13 +26,32 @@ fn flip(values: &mut LinkValues, bit: u16) {
     values.status = LinkStatusBits::from_bits(values.status.bits() ^ 1 << bit);
 }
 
+/// What the judge finds if only this `bit` of the status is wrong, and is set: bits 0 and 1 say that the link is well,
+/// the bits of the reset's reason are neither well nor a fault, and the other bits report faults.
+fn wrongly_set(bit: u16) -> Violation {
+    if matches!(bit, 0 | 1 | 6 | 12..=14) { Violation::LinkFlags } else { Violation::LinkFlagsOver }
+}
+
+/// The same if the bit is wrong and not set.
+fn wrongly_clear(bit: u16) -> Violation {
+    match wrongly_set(bit) {
+        Violation::LinkFlags if matches!(bit, 0 | 1) => Violation::LinkFlagsOver,
+        _ => Violation::LinkFlags,
+    }
+}
+
 #[test]
 fn an_age_that_is_off_by_more_than_its_bound_is_wrong() {
     for n in RECEIVERS {
         let run = Run::new(n);
-        for (off, wrong) in [(-4, true), (-2, false), (0, false), (1, false), (2, true), (30_000, true)] {
+        let wrong = |off: i16| match off {
+            ..-3 => Some(Violation::LinkAge),
+            2.. => Some(Violation::LinkAgeOver),
+            _ => None,
+        };
+        for off in [-4, -2, 0, 1, 2, 30_000] {
             let change = |values: &mut LinkValues| values.age_100us = values.age_100us.wrapping_add_signed(off);
-            let expected: &[Violation] = if wrong { &[Violation::LinkAge] } else { &[] };
+            let expected: Vec<_> = wrong(off).into_iter().collect();
             assert_eq!(run.broken(of(&run, 20, change)), expected, "{n} receivers, {off}");
         }
     }
@@ -54,7 +73,7 @@ fn the_age_is_saturated_until_an_object_is_accepted() {
     let run = Run::new(3);
     let change = |age| move |values: &mut LinkValues| values.age_100us = age;
     assert_eq!(run.broken(within(10 * MS..20 * MS, change(65_534))), [Violation::LinkAge]);
-    assert_eq!(run.broken(of(&run, 20, change(u16::MAX))), [Violation::LinkAge]);
+    assert_eq!(run.broken(of(&run, 20, change(u16::MAX))), [Violation::LinkAgeOver]);
     // The age counts up to 6.5535 s and then stays at its greatest value, 65535.
     let mut long = Run::new(3).hit_all(20..700, &Air::Lost);
     long.cycles = 710;
@@ -144,20 +163,21 @@ fn each_flag_that_contradicts_what_was_heard_and_shown_is_wrong() {
         let run = Run::new(n);
         for bit in [0, 1, 2, 3, 4, 5, 8, 9, 10, 6, 12, 13, 14, 15] {
             let broken = run.broken(of(&run, 20, |values| flip(values, bit)));
-            assert_eq!(broken, [Violation::LinkFlags], "{n} receivers, bit {bit}");
+            let wrong = if matches!(bit, 0 | 1) { wrongly_clear(bit) } else { wrongly_set(bit) };
+            assert_eq!(broken, [wrong], "{n} receivers, bit {bit}");
         }
         // Bit 7 of Link-Status says that an uplink was rejected, which another rule judges.
         assert_eq!(run.broken(of(&run, 20, |values| flip(values, 7))), []);
         let run = Run::new(n).hit_all(20..25, &Air::Lost);
         for bit in [0, 1, 2, 3, 8, 9] {
             let broken = run.broken(within(run.end(22)..run.end(23), |values| flip(values, bit)));
-            assert_eq!(broken, [Violation::LinkFlags], "{n} receivers, bit {bit}");
+            assert_eq!(broken, [wrongly_set(bit)], "{n} receivers, bit {bit}");
         }
         let mut run = Run::new(n).hit_all(20..58, &Air::Lost);
         run.cycles = 70;
-        for (time, cycle) in [("before", 44), ("after", 48)] {
+        for (wrong, cycle) in [(wrongly_set(8), 44), (wrongly_clear(8), 48)] {
             let broken = run.broken(within(run.end(cycle)..run.end(cycle + 1), |values| flip(values, 8)));
-            assert_eq!(broken, [Violation::LinkFlags], "{n} receivers, {time}");
+            assert_eq!(broken, [wrong], "{n} receivers, cycle {cycle}");
         }
     }
 }
@@ -172,16 +192,16 @@ fn a_field_that_is_away_must_be_told_soon() {
     assert_eq!(run.broken(|_| ()), [Violation::LinkFlags], "never told");
     assert_eq!(run.broken(within(off + 20 * MS..on + 20 * MS, tells)), []);
     assert_eq!(run.broken(within(off + 45 * MS..on + 20 * MS, tells)), [Violation::LinkFlags], "late");
-    assert_eq!(run.broken(within(off + 20 * MS..on + 75 * MS, tells)), [Violation::LinkFlags], "too long");
+    assert_eq!(run.broken(within(off + 20 * MS..on + 75 * MS, tells)), [Violation::LinkFlagsOver], "too long");
 }
 
 #[test]
 fn the_flags_of_a_damaged_cycle_say_so() {
     for n in RECEIVERS {
         let run = Run::new(n).hit(20, 0, Air::Hit(vec![1]));
-        for bit in [0, 1] {
-            assert_eq!(run.broken(of(&run, 20, |values| flip(values, bit))), [Violation::LinkFlags], "bit {bit}");
-        }
+        let flipped = |bit| run.broken(of(&run, 20, |values| flip(values, bit)));
+        assert_eq!(flipped(0), [wrongly_clear(0)], "the link is up");
+        assert_eq!(flipped(1), [wrongly_set(1)], "an object is missing");
     }
 }
 
@@ -204,14 +224,16 @@ fn a_frozen_and_a_restarted_horus_are_told() {
     for n in RECEIVERS {
         let mut run = Run::new(n);
         run.frozen = vec![20];
-        assert_eq!(run.broken(of(&run, 20, |values| flip(values, 2))), [Violation::LinkFlags], "{n} receivers");
-        assert_eq!(run.broken(of(&run, 21, |values| flip(values, 2))), [Violation::LinkFlags], "{n} receivers");
+        assert_eq!(run.broken(of(&run, 20, |values| flip(values, 2))), [wrongly_clear(2)], "{n} receivers");
+        assert_eq!(run.broken(of(&run, 21, |values| flip(values, 2))), [wrongly_set(2)], "{n} receivers");
         let run = Run { cycles: 150, horus_starts: vec![20], ..Run::new(n) };
         run.assert_flawless();
         // Link-Status shows for one second that HORUS has restarted.
-        for cycle in [21, 119, 121, 140] {
+        for (cycle, wrong) in
+            [(21, wrongly_clear(3)), (119, wrongly_clear(3)), (121, wrongly_set(3)), (140, wrongly_set(3))]
+        {
             let broken = run.broken(of(&run, cycle, |values| flip(values, 3)));
-            assert_eq!(broken, [Violation::LinkFlags], "{n} receivers, {cycle}");
+            assert_eq!(broken, [wrong], "{n} receivers, {cycle}");
         }
     }
 }
@@ -226,7 +248,8 @@ fn a_clock_3_percent_off_is_implausible_but_1_percent_is_not() {
             assert_eq!(image.link.status.horus_clock_implausible(), implausible);
         };
         assert_eq!(run.broken(told), []);
-        assert_eq!(run.broken(of(&run, 400, |values| flip(values, 9))), [Violation::LinkFlags], "{period} ns");
+        let wrong = if implausible { wrongly_clear(9) } else { wrongly_set(9) };
+        assert_eq!(run.broken(of(&run, 400, |values| flip(values, 9))), [wrong], "{period} ns");
     }
 }
 
@@ -268,11 +291,11 @@ fn a_fault_flag_is_excused_until_the_dprs_next_start() {
             let fault = Event { at: 200 * MS, what: injected(disturbs, 200 * MS) };
             let run = Run { cycles: 120, extra: vec![fault], ..Run::new(3) };
             let set = |run: &Run| run.broken(of(run, 100, |values| flip(values, bit)));
-            let expected: &[Violation] = if may == Some(bit) { &[] } else { &[Violation::LinkFlags] };
+            let expected: &[Violation] = if may == Some(bit) { &[] } else { &[Violation::LinkFlagsOver] };
             assert_eq!(set(&run), expected, "{disturbs:?}, bit {bit}");
             let restarted = Run { dpr_start: Some((400 * MS, Cause::Pin, ResetReason::Pin)), ..run };
             restarted.assert_flawless();
-            assert_eq!(set(&restarted), [Violation::LinkFlags], "{disturbs:?}, bit {bit}, restarted");
+            assert_eq!(set(&restarted), [Violation::LinkFlagsOver], "{disturbs:?}, bit {bit}, restarted");
         }
     }
 }
@@ -353,7 +376,7 @@ fn an_image_that_fresh_has_not_announced_is_not_asked() {
     log.events.retain(|event| !(matches!(event.what, What::Fresh { .. }) && event.at > run.tick(15)));
     let own = |kind: &Violation| *kind >= Violation::LinkAge && *kind <= Violation::LinkTime;
     assert_eq!(crate::judge(&log).kinds().filter(own).count(), 0);
-    assert_eq!(run.broken(&wrong), [Violation::LinkAge]);
+    assert_eq!(run.broken(&wrong), [Violation::LinkAgeOver]);
 }
 
 #[test]
@@ -427,7 +450,7 @@ fn published_late(after: u64, held: bool) -> bool {
         image.at = sampled + after;
         image.link.status = image.link.status.with_out_of_sequence(!held);
     };
-    run.broken(edit).contains(&Violation::LinkFlags)
+    run.broken(edit).contains(&if held { Violation::LinkFlags } else { Violation::LinkFlagsOver })
 }
 
 #[test]
@@ -466,7 +489,7 @@ fn a_sample_whose_end_is_not_known_may_be_told_older() {
     let fits = |unsure, told| {
         let sample = super::Sample { at: 100 * MS, delay: 0, unsure };
         let snapshot = super::Snapshot { samples: vec![sample], none: false, ..super::LinkStatus::at_start(layout) };
-        super::age_fits(&snapshot, told, 150 * MS + 50_000)
+        super::compare_age(told, &snapshot, 150 * MS + 50_000).is_eq()
     };
     for (told, known, unknown) in
         [(497, false, false), (498, true, true), (500, true, true), (501, false, true), (625, false, true)]
@@ -483,12 +506,17 @@ fn any_number_of_samples_may_follow_the_last_certain_one() {
     let sample = |nth: u64| super::Sample { at: nth * 10 * MS, delay: 0, unsure: 0 };
     snapshot.accept(sample(10), true);
     (11..100).for_each(|nth| snapshot.accept(sample(nth), false));
-    let fits = |snapshot: &super::Snapshot, told| super::age_fits(snapshot, told, 1_000 * MS + 50_000);
-    for (told, fit) in [(9_001, true), (9_003, false), (8_950, true), (100, true), (150, false), (96, false)] {
-        assert_eq!(fits(&snapshot, told), fit, "{told}");
+    let compare = |snapshot: &super::Snapshot, told| super::compare_age(told, snapshot, 1_000 * MS + 50_000);
+    use std::cmp::Ordering::{Equal, Greater, Less};
+    for (told, is) in [(9_001, Equal), (9_003, Greater), (8_950, Equal), (100, Equal), (150, Less), (96, Less)] {
+        assert_eq!(compare(&snapshot, told), is, "{told}");
     }
+    assert_eq!(compare(&snapshot, u16::MAX), Greater);
     snapshot.accept(sample(100), true);
-    assert!(!fits(&snapshot, 9_000), "none of before");
+    assert_eq!(compare(&snapshot, 9_000), Greater, "none of before");
+    // Before the first sample there is no age but the greatest value.
+    let none = super::LinkStatus::at_start(layout);
+    assert_eq!((compare(&none, u16::MAX), compare(&none, u16::MAX - 1)), (Equal, Less));
 }
 
 #[test]
@@ -497,11 +525,11 @@ fn a_front_end_is_called_at_fault_only_after_long_silence() {
     run.assert_flawless();
     let told = |times: std::ops::Range<u64>| run.broken(within(times, |values| flip(values, 5)));
     let heard = run.end(19);
-    assert_eq!(told(heard + 430 * MS..heard + 450 * MS), [Violation::LinkFlags]);
+    assert_eq!(told(heard + 430 * MS..heard + 450 * MS), [wrongly_set(5)]);
     assert_eq!(told(heard + 455 * MS..run.end(89)), []);
     // Link-Status may report the front end's fault until the image of the first frame after the silence is published.
     assert_eq!(told(run.end(90)..run.end(90) + 15 * MS), []);
-    assert_eq!(told(run.end(93)..run.end(94)), [Violation::LinkFlags]);
+    assert_eq!(told(run.end(93)..run.end(94)), [wrongly_set(5)]);
 }
 
 #[test]
@@ -522,7 +550,7 @@ fn a_frame_that_ended_just_before_a_fault_may_be_missed() {
         let mut run = Run { cycles: 100, ..Run::new(3).hit_all(20..90, &Air::Lost) };
         run.extra.push(Event { at: run.end(19) + after, what: injected(DPR_FRONT_END, run.tick(30)) });
         let older = within(run.tick(60)..run.tick(80), |values| values.age_100us += 100);
-        assert_eq!(run.broken(older).contains(&Violation::LinkAge), wrong, "{after} ns");
+        assert_eq!(run.broken(older).contains(&Violation::LinkAgeOver), wrong, "{after} ns");
     }
 }
 

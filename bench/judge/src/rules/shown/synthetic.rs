@@ -244,7 +244,7 @@ impl Run {
     }
 }
 
-const OWN: [Violation; 11] = [
+const OWN: [Violation; 13] = [
     Violation::Vacant,
     Violation::NotShown,
     Violation::ShownNeverSent,
@@ -253,8 +253,10 @@ const OWN: [Violation; 11] = [
     Violation::ShownExpired,
     Violation::Regression,
     Violation::LinkAge,
+    Violation::LinkAgeOver,
     Violation::LinkCounters,
     Violation::LinkFlags,
+    Violation::LinkFlagsOver,
     Violation::LinkTime,
 ];
 
