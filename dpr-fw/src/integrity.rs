@@ -150,10 +150,13 @@ impl<const N: usize> ImageCheck<N> {
     pub fn step(&mut self, shown: &impl Shown) -> Option<u32> {
         let generation = shown.generation();
         let object = self.next;
+        // Not covered: only this line, as in `look`: behind Link-Status no generation is 0.
         let found = Self::look(object, generation, shown);
         if found != Found::Unknown {
             self.next = (object + 1) % Self::OBJECTS;
         }
+        // Not covered: what the second look finds otherwise than the first only if the image is exchanged within
+        // these few µs.
         let damaged = found == Found::Damaged && Self::look(object, generation, shown) == Found::Damaged;
         damaged.then_some(generation)
     }
@@ -173,6 +176,8 @@ impl<const N: usize> ImageCheck<N> {
     fn look(object: usize, generation: u32, shown: &impl Shown) -> Found {
         // Not covered: the number of an object is always below the number of objects, so each has a place.
         let Some(place) = Self::place(object) else { return Found::Unknown };
+        // Not covered: only this line, since the check waits at Link-Status until the first image; the compiler has
+        // copied the question for each other object.
         if generation == 0 {
             return Found::Unknown;
         }
@@ -243,6 +248,8 @@ impl Integrity {
     /// Whether the image of `generation`, which is read at present, has to be withdrawn. True only once for each
     /// finding.
     pub fn take_withdrawal(&self, generation: u32) -> bool {
+        // Not covered: only this line, a second try, which takes an interrupt between the two instructions of the
+        // exclusive access.
         let damaged = self.damaged.swap(0, Ordering::Relaxed);
         self.withdraw.swap(false, Ordering::Relaxed) || damaged != 0 && damaged == generation
     }
@@ -263,6 +270,7 @@ impl Integrity {
         let state = self.self_test.load(Ordering::Relaxed);
         let ended = state == PASSED || state == FAILED;
         // If a self-test was requested after the load, this compare-and-exchange fails, so the request is kept.
+        // Not covered: only this line, since only this task ends this state; and a second try, as above.
         let taken = ended && self.self_test.compare_exchange(state, NONE, Ordering::Relaxed, Ordering::Relaxed).is_ok();
         taken.then_some(state == PASSED)
     }
@@ -326,6 +334,7 @@ impl Judge {
     /// again.
     pub fn begin_self_test(&mut self, integrity: &Integrity) -> bool {
         let state = &integrity.self_test;
+        // Not covered: only this line, a second try, as above.
         let begins = state.compare_exchange(REQUESTED, RUNNING, Ordering::Relaxed, Ordering::Relaxed).is_ok();
         if begins {
             self.self_test = SelfTest::default();
@@ -377,6 +386,7 @@ impl Judge {
         let SelfTest { flash: Some(flash), ram: Some(ram) } = self.self_test else { return };
         let result = if flash && ram { PASSED } else { FAILED };
         // If another self-test was requested meanwhile, this compare-and-exchange fails, so the new request is kept.
+        // Not covered: only this line, a second try, as above.
         let _ = integrity.self_test.compare_exchange(RUNNING, result, Ordering::Relaxed, Ordering::Relaxed);
     }
 }

@@ -154,6 +154,8 @@ impl<const N: usize> Monitor<N> {
     pub fn frame(&mut self, frame: usize, sampled_us: u64, ended_us: u32) -> u32 {
         let frame = frame as u32;
         let missed = self.last.map_or(0, |last| {
+            // Not covered: only this line, since frames are judged in the order of their ends, and all samples of
+            // this profile have the same age then.
             let apart_us = sampled_us.wrapping_sub(last.sampled_us).cast_signed().max(0);
             // Not covered: no two frames are an hour apart in these runs.
             let apart_us = u32::try_from(apart_us).unwrap_or(u32::MAX).saturating_add(Self::CYCLE_US / 2);
@@ -222,6 +224,7 @@ impl<const N: usize> Monitor<N> {
             self.due = due;
             missed += frames;
         }
+        // Not covered: the limit of the sum, which 500 days of silence reach.
         self.counted = self.counted.saturating_add(missed);
         Some(Lapse { missed, silent })
     }

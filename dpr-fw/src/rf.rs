@@ -188,7 +188,9 @@ impl<P: FrontEndPort> Reception<P> {
                     if let Fault::Register { address, expected, found } = fault {
                         telemetry.rf_register.set(u32::from_be_bytes([0, address, expected, found]));
                     }
+                    // Not covered: only this line, the end of the other copy of the locked section.
                     front_end.lock(|state| *state = FrontEnd::Lost(fault));
+                    // Not covered: only this line, the end of the other copy of the locked section above.
                     replace_buffer(executor, &mut rotation, telemetry);
                     *early = Early::default();
                     handed = true;
@@ -213,6 +215,7 @@ impl<P: FrontEndPort> Reception<P> {
         }
         if let Some(arrived) = executor.take_arrived() {
             let before = early.done();
+            // Not covered: more bytes than the buffer has, or none: `take_arrived` and the port exclude both.
             early.follow::<N>(executor.port().arrived(arrived));
             if early.done() > before && !handed {
                 return Call::Prepare;

@@ -113,6 +113,7 @@ impl<const N: usize> Profile<N> {
         let () = Self::SUPPORTED;
         match index {
             0 => Some(0..ReportedPosition::SIZE),
+            // Not covered: only this line, since a frame has no more objects than the profile.
             receiver if receiver <= N => {
                 let end = ReportedPosition::SIZE + receiver * GpsObject::SIZE;
                 Some(end - GpsObject::SIZE..end)

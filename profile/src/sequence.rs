@@ -186,6 +186,7 @@ impl Sequence {
     #[must_use]
     pub fn is_held(&self, now_us: u64) -> bool {
         let in_time = |last: Sample| last.elapsed_us(now_us) <= i64::from(HOLD_US);
+        // Not covered: only this line, since a sequence that is found has a last cycle.
         self.found == SEARCH_CYCLES && self.last.is_some_and(in_time)
     }
 
@@ -210,6 +211,7 @@ impl Sequence {
             Freshness::Fresh { missed } if missed <= MAX_MISSED => missed,
             Freshness::Fresh { .. } | Freshness::Irregular | Freshness::First => return Judgement::Irregular,
         };
+        // Not covered: only this line, since no time since the start nears the range of 64 bits.
         let late_us = last.elapsed_us(sampled_us).saturating_sub(i64::from(step_us(missed)));
         let deviation_us = late_us.unsigned_abs();
         if deviation_us > u64::from(tolerance_us(missed)) {

@@ -476,11 +476,13 @@ impl Listener {
         if matches!(input, Input::Failed) {
             return self.fault(Fault::Bus);
         }
+        // Not covered: only this line, since the executor gives each state only the inputs that the state waits for.
         match (self.state, input) {
             // A bring-up is due in these states.
             (ListenerState::New, _) | (ListenerState::BackingOff, Input::Timeout) => {
                 self.state = ListenerState::BringingUp;
                 let progress = self.bring_up.begin();
+                // Not covered: a bring-up begins with a transfer, so it neither waits nor fails nor ends.
                 self.progress(progress)
             }
             (ListenerState::Faulted | ListenerState::BackingOff, _) => {
@@ -488,6 +490,8 @@ impl Listener {
                 Step::Delay { us: self.bring_up.back_off_us() }
             }
             (ListenerState::BringingUp, input) => {
+                // Not covered: only this line, where the compiler puts together the faults of other roles and other
+                // lengths.
                 let progress = self.bring_up.step(input);
                 self.progress(progress)
             }
@@ -524,6 +528,7 @@ impl Listener {
                 Err(fault) => self.fault(fault),
             },
             (ListenerState::ReadingFifo { count, end }, Input::Done(bytes)) => {
+                // Not covered: only this line, since a read of the FIFO has at least one byte.
                 self.fifo(count, end, bytes.first().copied())
             }
             (ListenerState::CheckingConfiguration, Input::Done(response)) => {
@@ -533,6 +538,7 @@ impl Listener {
                 }
             }
             (ListenerState::CheckingField { idle }, Input::Done(response)) => {
+                // Not covered: only this line, since a response is as long as its transfer.
                 if let [_, display] = response {
                     let (there, irq) =
                         if display & reg::DISPLAY_FIELD == 0 { (false, reg::IRQ_EOF) } else { (true, reg::IRQ_EON) };
@@ -548,6 +554,7 @@ impl Listener {
             // Not covered: the executor gives each state only the inputs that the state waits for.
             _ => self.fault(Fault::Executor),
         }
+        // Not covered: only this line, the ends of the paths that are explained above.
     }
 
     fn short(&mut self, state: ListenerState, short: Short) -> Step<ListenerEvent> {
@@ -565,6 +572,8 @@ impl Listener {
         self.field_irqs = 0;
         self.silent_us = 0;
         count(&mut self.counters.faults);
+        // Not covered: only this line, since each copy of this function but that of `wait` has other faults than
+        // silence.
         let state = if let Fault::Silence { .. } = fault {
             // Silence leads to a bring-up without a back-off. Instead, `silences` doubles the time to the next report
             // of silence.
@@ -574,6 +583,7 @@ impl Listener {
             self.bring_up.failed();
             ListenerState::Faulted
         };
+        // Not covered: the copy for faults of the executor and of the bus, which are explained above.
         self.event(state, ListenerEvent::Fault(fault))
     }
 
@@ -595,6 +605,8 @@ impl Listener {
         self.note_field(status);
         // The status may have the beginning of a frame already, if the frame met the re-arming.
         if status.is_set(reg::IRQ_RXS) {
+            // Not covered: the end of a frame that has begun behind the status before, which was read too recently.
+            // The FIFO is empty at a beginning, and no byte is incomplete.
             self.status_begins(status)
         } else if status.is_quiet() && status.count == 0 && !status.flow_error() {
             // The FIFO is empty and is not cleared. A clear could discard the I_rxs of a frame that begins just now.
@@ -606,6 +618,8 @@ impl Listener {
 
     /// Reports changes of the field that are not reported yet, or waits if there are none.
     fn resume(&mut self) -> Step<ListenerEvent> {
+        // Not covered: only this line, since a frame is under way only behind an event, for which the compiler has
+        // made a copy.
         if self.frame.is_none() {
             let first = if self.field_on { reg::IRQ_EOF } else { reg::IRQ_EON };
             let due = if self.field_irqs & first != 0 { first } else { self.field_irqs };
@@ -674,8 +688,11 @@ impl Listener {
         match &mut self.frame {
             Some(_) => self.status_in_frame(status, late),
             None if status.is_set(reg::IRQ_RXS | reg::IRQ_RXE) => self.status_begins(status),
+            // Not covered: only this line, since an error raises the interrupt, so that a late status shows none
+            // without a frame, and a quiet one none either.
             None if status.error != 0 => self.short(ListenerState::RearmClear, command::CLEAR_FIFO),
             None if late => {
+                // Not covered: the limit of the sum, since 8 s of silence begin it anew.
                 self.silent_us = self.silent_us.saturating_add(self.config.supervision_us);
                 self.short(ListenerState::CheckingConfiguration, CONFIGURATION_READ)
             }
@@ -693,6 +710,7 @@ impl Listener {
     }
 
     fn begin_frame(&mut self, status: Status) {
+        // Not covered: only this line, the other read mode, which only the second port has.
         self.frame.insert(Frame::new(self.config.read_mode)).note(status);
     }
 
@@ -707,6 +725,8 @@ impl Listener {
                 return self.lose(Dropped::Overrun);
             }
             self.silent_us += DISTURBED_US;
+            // Not covered: the end of a frame or a FIFO that runs over, since the status is that of the second
+            // frame's beginning.
             self.begin_frame(status);
             count(&mut self.counters.dropped);
             return self.event(ListenerState::Reported, ListenerEvent::Dropped(Dropped::Overrun));
@@ -745,6 +765,7 @@ impl Listener {
         let Some(frame) = &mut self.frame else {
             return self.fault(Fault::Executor);
         };
+        // Not covered: only this line, a part of what `Frame::ends` explains.
         match frame.ends(status) {
             Err(why) => self.lose(why),
             Ok(0) => self.deliver(),
@@ -753,6 +774,7 @@ impl Listener {
                 self.read(got, left, true)
             }
         }
+        // Not covered: only this line, the end of the path without a frame.
     }
 
     fn read(&mut self, got: u16, count: u16, end: bool) -> Step<ListenerEvent> {
@@ -767,6 +789,7 @@ impl Listener {
         };
         frame.was_read(count, first);
         if end { self.deliver() } else { self.wait() }
+        // Not covered: only this line, the end of the path without a frame.
     }
 
     fn deliver(&mut self) -> Step<ListenerEvent> {
@@ -783,6 +806,7 @@ impl Listener {
 
     fn lose(&mut self, why: Dropped) -> Step<ListenerEvent> {
         if let Some(frame) = self.frame.take() {
+            // Not covered: the limit of the sum, as above.
             self.silent_us = self.silent_us.saturating_add(u32::from(frame.waited_us));
         }
         count(match why {
@@ -832,8 +856,11 @@ impl Frame {
         // early read may have taken it already.
         let mut count = status.count;
         if self.flags.contains(FrameFlags::PARTIAL) {
+            // Not covered: only this line, since an incomplete byte is in the FIFO, see below.
             match count.checked_sub(1) {
                 Some(whole) => count = whole,
+                // Not covered: the model of the chip puts an incomplete byte into the FIFO only with I_rxe, behind
+                // the early reads; no document says when silicon does.
                 None => self.got = self.got.saturating_sub(1),
             }
         }
@@ -849,6 +876,7 @@ impl Frame {
 
     /// Records a read of `count` bytes of the frame. `first` is the first of these bytes.
     pub(crate) fn was_read(&mut self, count: u16, first: Option<u8>) {
+        // Not covered: in an exchange, a second read, or one without a byte: it reads an answer in one piece.
         if self.got == 0 {
             self.total = first.map(|len| u16::from(len) + 2);
         }
@@ -859,6 +887,7 @@ impl Frame {
     /// The payload's length of a complete frame, and the frame's flags.
     pub(crate) fn delivered(&self) -> (usize, FrameFlags) {
         let received = self.got + self.unread;
+        // Not covered: LEN is known of a frame that is delivered.
         let flags = if self.total == Some(received) { self.flags } else { self.flags.union(FrameFlags::LENGTH) };
         (usize::from(received.saturating_sub(OVERHEAD)), flags)
     }
@@ -877,6 +906,8 @@ impl Frame {
     fn next_wait_us(&mut self) -> u16 {
         let left_us = (FRAME_US as u16).saturating_sub(self.waited_us).max(1);
         loop {
+            // Not covered: only this line, in the turns that the compiler has unrolled: a plan of the last read
+            // begins with bytes to come.
             let to_come = match self.plan {
                 Plan::Head => return bytes_us(HEAD),
                 Plan::Body => BODY as u16,
@@ -885,11 +916,14 @@ impl Frame {
             };
             // The number of the frame's bytes that had arrived when the status before the last read was evaluated.
             let arrived = self.got + MARGIN;
+            // Not covered: only this line, in the unrolled turn of the last read, which a frame reaches with bytes to
+            // come.
             if let Some(total) = self.total
                 && total > arrived + to_come
             {
                 return bytes_us(total - to_come - arrived).saturating_sub(self.read_us).clamp(1, left_us);
             }
+            // Not covered: only this line, as above.
             self.advance();
         }
     }

@@ -18,6 +18,8 @@ pub enum Buffers {
     Image,
     /// The DPR's buffers for what the flight controller writes.
     Written,
+    /// The buffers for frames of the hold, of a DPR with a second port. `--faults` draws no fault of these.
+    HoldReceive,
 }
 
 impl Buffers {
@@ -26,6 +28,7 @@ impl Buffers {
             Self::Receive => "__rtic_internal_local_init_receive",
             Self::Image => "__rtic_internal_local_init_images",
             Self::Written => "__rtic_internal_local_init_ssi_rx",
+            Self::HoldReceive => "__rtic_internal_local_init_hold_receive",
         }
     }
 }
@@ -47,9 +50,11 @@ impl BufferFault {
             Self::Flips(Buffers::Receive, _) => "receive bit flips",
             Self::Flips(Buffers::Image, _) => "image bit flips",
             Self::Flips(Buffers::Written, _) => "written bit flips",
+            Self::Flips(Buffers::HoldReceive, _) => "hold's receive bit flips",
             Self::Stuck(Buffers::Receive, ..) => "receive bit stuck",
             Self::Stuck(Buffers::Image, ..) => "image bit stuck",
             Self::Stuck(Buffers::Written, ..) => "written bit stuck",
+            Self::Stuck(Buffers::HoldReceive, ..) => "hold's receive bit stuck",
         }
     }
 
@@ -59,7 +64,8 @@ impl BufferFault {
         match self {
             Self::Flips(Buffers::Receive, _) | Self::Stuck(Buffers::Receive, ..) => Memory::Receive,
             Self::Flips(Buffers::Image, _) | Self::Stuck(Buffers::Image, ..) => Memory::Images,
-            Self::Flips(Buffers::Written, _) | Self::Stuck(Buffers::Written, ..) => Memory::Ram,
+            Self::Flips(Buffers::Written | Buffers::HoldReceive, _)
+            | Self::Stuck(Buffers::Written | Buffers::HoldReceive, ..) => Memory::Ram,
         }
     }
 

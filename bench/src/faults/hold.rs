@@ -54,6 +54,8 @@ pub enum HoldFault {
     Frames(AirFaults),
     /// A fault of the air from the DPR to the hold.
     Answers(AirFaults),
+    /// A fault of the chip of the DPR's second front end, or of a line to it. `--faults` does not draw this fault.
+    Port(ChipFault),
     /// A card in the hold's field answers in addition to the DPR.
     Foreign(ForeignCard),
     /// A fault of the hold's supply or reset pin.
@@ -70,8 +72,6 @@ pub enum HoldFault {
     BusStuck,
     /// A fault of the board, which is not drawn.
     Board(HoldBoardFault),
-    /// A fault of the front end by which the DPR answers the hold, which is not drawn.
-    Port(ChipFault),
     /// A fault of the sensors or of what they measure, which is not drawn.
     Sensors(SensorFault),
     /// Each pair of antennas at the DPR also receives what is meant for the other pair.
@@ -126,6 +126,7 @@ impl HoldFault {
         match self {
             Self::Frames(_) => "frames".into(),
             Self::Answers(_) => "answers".into(),
+            Self::Port(fault) => format!("second port {}", fault.name()),
             Self::Foreign(_) => "foreign card".into(),
             Self::Power(fault) => format!("power {}", fault.name()),
             Self::Hang => "hangs".into(),
@@ -134,7 +135,6 @@ impl HoldFault {
             Self::Lies(sensor, _) => format!("{} sensor lies", format!("{sensor:?}").to_lowercase()),
             Self::BusStuck => "bus stuck".into(),
             Self::Board(fault) => fault.name(),
-            Self::Port(fault) => format!("port {}", fault.name()),
             Self::Sensors(fault) => fault.name(),
             Self::Crosstalk => "crosstalk".into(),
             Self::Broken(what) => format!("{what:?}").to_lowercase(),

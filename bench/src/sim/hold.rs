@@ -240,6 +240,10 @@ impl<C: Cost> Beside<C> {
                 self.answer_faults.way = if begins { way } else { AirFaults::default() };
                 self.set_answer_faults(from);
             }
+            HoldFault::Port(fault) => {
+                let turn = if begins { FrontEnd::begin_chip_fault } else { FrontEnd::end_chip_fault };
+                dpr.board_mut(|board| board.hold_port.iter_mut().for_each(|port| turn(port, fault)));
+            }
             HoldFault::Foreign(card) => {
                 self.answer_faults.foreign = if begins { card } else { ForeignCard::default() };
                 self.set_answer_faults(from);
@@ -284,10 +288,6 @@ impl<C: Cost> Beside<C> {
                     recorder.note(from, What::Hold(HoldEvent::Finding { text }));
                 }
             }
-            HoldFault::Port(fault) => dpr.board_mut(|board| {
-                let turn = if begins { FrontEnd::begin_chip_fault } else { FrontEnd::end_chip_fault };
-                board.hold_port.iter_mut().for_each(|port| turn(port, fault));
-            }),
             HoldFault::Sensors(fault) => self.payload(|payload| payload.turn(from, fault, begins)),
             HoldFault::Crosstalk => self.crosstalk = begins,
             HoldFault::Constant { of, value } => {

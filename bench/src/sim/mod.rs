@@ -42,7 +42,7 @@ use nrf52840::{Nrf52840, Settings};
 use profile::Uplink;
 use st25r3916_model::Chip;
 /// The settings of a front end's chip.
-pub use st25r3916_model::Config as FrontEndConfig;
+pub use st25r3916_model::{BrokenFrame, Config as FrontEndConfig};
 use stm32f429::{Oscillators, Stm32f429};
 
 use crate::boards::{self, Dpr, Horus};

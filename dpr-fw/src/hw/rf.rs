@@ -196,10 +196,12 @@ impl<W: Wiring> Port<W> {
         // SAFETY: the caller guarantees that `into` is valid for `receive` bytes, a number that fits 16 bits.
         self.spim.rxd.maxcnt.write(|w| unsafe { w.maxcnt().bits(receive as u16) });
         self.spim.events_end.reset();
+        // Not covered: only this line, since each transfer has a constant direction in which it is longer.
         self.sends.carries(send.max(receive));
         self.running = true;
         // The fence keeps the compiler from moving a write to a buffer behind the start of the DMA.
         compiler_fence(Ordering::SeqCst);
+        // Not covered: only this line, since the pin's port is a constant, of which the HAL asks each time.
         let Ok(()) = self.pins.select.set_low();
     }
 
@@ -221,6 +223,7 @@ impl<W: Wiring> Port<W> {
     /// Ends a transfer that is complete or was stopped. Its buffers then belong to the processor again.
     pub(super) fn finish(&mut self) {
         self.sends.disarm();
+        // Not covered: only this line, as in `set_up`.
         let Ok(()) = self.pins.select.set_high();
         compiler_fence(Ordering::SeqCst);
         self.running = false;
@@ -311,12 +314,14 @@ impl<W: Wiring> executor::Port for Port<W> {
     }
 
     fn irq_is_high(&mut self) -> bool {
+        // Not covered: only this line, as in `set_up`.
         let Ok(high) = self.pins.irq.is_high();
         high
     }
 
     fn start_timer(&mut self, us: u32) {
         self.timer_from = W::now_us();
+        // Not covered: only this line, since the waits for a transfer or for time alone are longer than the shortest.
         let us = self.sends.limit_us(us.max(SHORTEST_US), self.timer_from);
         self.timer_us = us;
         let timer = self.timer.as_timer0();
@@ -348,6 +353,7 @@ impl<W: Wiring> rf::FrontEndPort for Port<W> {
 
     fn arrived(&self, len: usize) -> &[u8] {
         match &self.receive {
+            // Not covered: only this line, since the caller asks only when no read runs.
             Some(receive) if !self.running || !matches!(self.transfer, Transfer::Read { .. }) => {
                 let bytes: &[u8] = bytemuck::cast_slice(receive.peek().as_slice());
                 bytes.get(LEAD..LEAD + len).unwrap_or(&[])

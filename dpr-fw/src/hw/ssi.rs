@@ -187,6 +187,7 @@ impl Ssi for SsiPort {
             // Between the end of a transaction and the next release, both buffers belong to the processor.
             compiler_fence(Ordering::SeqCst);
         }
+        // Not covered: a call without the semaphore, as in `Server::serve`.
         if ours {
             self.granted = false;
         }
@@ -199,6 +200,7 @@ impl Ssi for SsiPort {
         self.spis.status.write(|w| w.overread().clear().overflow().clear());
         self.received = usize::from(self.spis.rxd.amount.read().amount().bits()).min(RECEIVE_BYTES);
         let area = self.area.as_ref().map_or(&[][..], |area| bytemuck::cast_slice(area.peek().as_slice()));
+        // Not covered: only this line, since the number of received bytes was cut to the area's size.
         Events { ours, received: area.get(..self.received), over_read, overflow }
     }
 
@@ -234,6 +236,7 @@ impl Ssi for SsiPort {
         assert!(!self.granted, "the image is being streamed");
         let before = self.image.as_ref().map(Received::address);
         let (image, result) = with(self.image.take());
+        // Not covered: only this line, since there is an image from the first publication on.
         if let Some(image) = image.as_ref().filter(|image| Some(image.address()) != before) {
             super::integrity::shown(image.memory());
         }
@@ -242,6 +245,8 @@ impl Ssi for SsiPort {
     }
 
     fn load(&mut self, window: Range<usize>) -> bool {
+        // Not covered: only this line, since an image was published before the processor gets the semaphore, and the
+        // area is missing only within `hand_over`.
         let (Some(image), Some(area)) = (&self.image, &mut self.area) else { return false };
         let bytes: &[u8] = bytemuck::cast_slice(image.memory().as_slice());
         let window = &bytes[window];

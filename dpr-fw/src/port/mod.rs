@@ -179,6 +179,7 @@ impl WritePort {
     pub fn transaction(&mut self, transaction: Transaction, area: &ReceiveArea, now_us: u32) -> bool {
         self.clock.advance(now_us);
         let total = self.total;
+        // Not covered: only this line, since the port task asks the same before.
         if brought_nothing(area) {
             return false;
         }
@@ -189,6 +190,8 @@ impl WritePort {
 
         match transaction.asked {
             Asked::Refused(violation) => self.refuse(violation, 1),
+            // Not covered: a request of two words, since a short one has less; and zeros, since an area of zeros is
+            // not judged.
             Asked::Short if !is_idle(request) => self.refuse(Violation::TooShort, 1),
             Asked::Short | Asked::Nothing | Asked::Window => {}
         }
@@ -200,9 +203,11 @@ impl WritePort {
                 self.refuse(violation, 1);
             }
         }
+        // Not covered: turns for four words, since an area has two words beyond the object.
         if !is_idle(beyond) {
             self.refuse(Violation::TooLong, 1);
         }
+        // Not covered: the copy behind bytes that are too many, with an object of less than four words.
         !is_idle(object) || self.total != total
     }
 
@@ -237,7 +242,9 @@ impl WritePort {
     }
 
     fn refuse(&mut self, violation: Violation, times: u32) {
+        // Not covered: the limit of the count, which a misuse in each transaction reaches after weeks.
         self.total = self.total.saturating_add(times);
+        // Not covered: more than 65 535 at once, since few transactions fit between two images.
         self.violations.count(violation, saturated(times));
     }
 
@@ -273,6 +280,7 @@ impl WritePort {
 
     /// Records the result of the self-test, if one was requested.
     pub fn self_test_done(&mut self, passed: bool) {
+        // Not covered: only the conditions, since the port task asks for a result only while a self-test runs.
         if core::mem::take(&mut self.self_test.running) {
             self.self_test.passed = Some(passed);
         }
@@ -312,9 +320,14 @@ impl WritePort {
                 base_station_age_ms: saturated(base_station_ms),
                 flight_controller_age_ms: saturated(flight_controller_ms),
                 violations: self.violations,
+                // Not covered: counts above 65 535: the patrol finds one damaged object after the other, and a pass
+                // over flash takes seconds.
                 integrity_faults: saturated(diagnostics.integrity_faults),
+                // Not covered: counts above 65 535, as above.
                 flash_passes: saturated(diagnostics.flash_passes),
+                // Not covered: counts above 65 535, as above; a buffer with stuck bits is taken out of use.
                 stuck_bits: saturated(diagnostics.stuck_bits),
+                // Not covered: counts above 65 535, since the DPR has few buffers.
                 buffers_out_of_use: saturated(diagnostics.buffers_out_of_use),
                 last_stop: diagnostics.last_stop,
             },

@@ -66,6 +66,7 @@ impl<B: Memory> Exchange<B> {
 
     /// Makes the image that was filled the newest one.
     pub fn publish(&mut self, filling: Filling<B>) {
+        // Not covered: only this line, the question whether the queue is full, as in `put`.
         if let Some(unread) = self.newest.replace(filling.received(())) {
             self.dirty.push(unread.done());
         }
@@ -76,6 +77,7 @@ impl<B: Memory> Exchange<B> {
     pub fn take(&mut self, streamed: Option<Received<B, ()>>) -> (Option<Received<B, ()>>, bool) {
         match (self.newest.take(), streamed) {
             (Some(newest), streamed) => {
+                // Not covered: only this line, the question whether the queue is full, as in `put`.
                 if let Some(streamed) = streamed {
                     self.dirty.push(streamed.done());
                 }
@@ -97,6 +99,7 @@ impl<B: Memory> Scrubbable for Exchange<B> {
     }
 
     fn scrubbed(&mut self, outcome: Outcome<B>) -> Scrubbed {
+        // Not covered: a faulty buffer when the least number is in use, since `take_dirty` gives none then.
         let (clean, found) = self.in_use.admit(outcome);
         if let Some(clean) = clean {
             self.clean.push(clean);

@@ -109,6 +109,7 @@ impl Memory {
             }
         };
         self.seen = Some(seen);
+        // Not covered: only this line, since the uplink was seen before now.
         if now_ms.saturating_sub(seen.since_ms) > u64::from(COMMAND_AGE_MS) {
             Age::TooOld
         } else if seen.is_later {

@@ -158,12 +158,12 @@ pub(super) fn explain(measured: &[Measured], sources: &BTreeMap<String, Source>,
     let gaps = measured.iter().enumerate();
     let gaps = gaps.flat_map(|(image, measured)| measured.coverage.gaps.iter().map(move |gap| (image, measured, gap)));
     for (image, of, gap) in gaps {
-        let of_place = |place: &Place| {
+        let of_place = |(depth, place): (usize, &Place)| {
             let all = sources.get(&place.file)?.explained.iter();
-            let mut fitting = all.filter(|explanation| explanation.lines.contains(&place.line));
+            let mut fitting = all.filter(|explanation| explanation.explains(place.line, depth == 0));
             fitting.next().map(|explanation| Place { file: place.file.clone(), line: explanation.at })
         };
-        let beside = gap.places.iter().find_map(of_place);
+        let beside = gap.places.iter().enumerate().find_map(of_place);
         let counted = Part::COUNTED.contains(&gap.part);
         let function = &of.functions[gap.function].name;
         let fits = |(reason, _): &&mut (Reason, u64)| reason.is_of(&of.name) && reason.explains(gap, function);

@@ -54,6 +54,8 @@ pub(super) struct Image {
     pub(super) guard: u32,
     /// The end of the code that runs from RAM, 0 if the image has none.
     pub(super) hot: u32,
+    /// The variable with the state of the task that receives frames: its address and its end; 0 if there is none.
+    pub(super) receiver: [u32; 2],
     /// The functions whose address data or an instruction holds, so that a register may call them.
     pub(super) known: BTreeSet<u32>,
     /// The ELF file.
@@ -100,6 +102,9 @@ impl Image {
                         let part = u32::try_from(symbol.size())? / parts;
                         image.kept.extend((0..parts).map(|nth| address + nth * part + INSIDE.min(part / 2)));
                     }
+                }
+                Some(name) if name.ends_with("__rtic_internal_shared_resource_receiver") => {
+                    image.receiver = [address, address + u32::try_from(symbol.size())?];
                 }
                 _ if symbol.kind() == SymbolKind::Text && symbol.size() > 0 => {
                     let (start, size) = (address & !1, u32::try_from(symbol.size())?);

@@ -30,6 +30,8 @@ pub(super) struct Addresses {
     pub(super) handlers: [u32; 2],
     /// State that HORUS keeps from one task to the next.
     pub(super) kept: Vec<u32>,
+    /// The beginning and the end of the variable of the DPR's task that receives frames.
+    pub(super) receiver: [u32; 2],
 }
 
 #[cfg(test)]
@@ -41,5 +43,6 @@ impl Addresses {
         guards: [0x2000_0100, 0x2001_0100],
         hot: [0, 0x80_C000],
         handlers: [0x300, 0x400],
+        receiver: [0x2001_1000, 0x2001_1080],
     };
 }

@@ -14,13 +14,14 @@
 //! | tasks that fault | each task of either board executes an undefined instruction, one after the other |
 //! | wrong flash | either board starts with a program that its CRC does not fit |
 //! | hold: ... | [`super::hold_runs`] |
-//! | horus: ... | [`super::horus_runs`] |
+//! | listener: ..., dpr: ... | [`super::dpr_runs`] |
 //! | what fails in turn | each failure of air, a chip, the flight controller, a register, a buffer, RAM, a receiver |
 //! | upsets | bits of RAM, flash and registers, each on a copy of the bench |
 //!
 //! In the plain run, with factory settings and with drawn faults, a violation makes the run worthless as evidence. The
 //! others damage more at once than the link must bear, or the firmware itself, so the judge's verdict is not asked for.
 
+use super::dpr_runs::dpr_runs;
 use super::hold_runs::hold_runs;
 use super::horus_runs::{horus_runs, spi_pauses};
 use super::run::{Addresses, Run};
@@ -88,6 +89,7 @@ pub(super) fn runs(
     runs.push(unjudged("tasks out of order", faults, end));
     let (faults, end) = broken_at_the_start(boards);
     runs.push(unjudged("chips broken at the start", faults, end));
+    runs.extend(dpr_runs(&addresses, hold).into_iter().map(|(name, faults, end)| unjudged(name, faults, end)));
     if hold {
         runs.push(damaged(Board::Dpr, crcs[1], handlers[1]));
         runs.extend(hold_runs().into_iter().map(|(name, faults, end)| unjudged(&format!("hold: {name}"), faults, end)));

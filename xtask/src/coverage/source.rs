@@ -123,10 +123,22 @@ pub(super) struct Explanation {
     pub(super) at: u32,
     /// The lines that it explains.
     pub(super) lines: RangeInclusive<u32>,
+    /// Whether it explains only the first of these lines, and nothing that is inlined there.
+    pub(super) alone: bool,
+}
+
+impl Explanation {
+    /// Whether it explains code of `line`, which is the innermost line of its instruction if `innermost`.
+    pub(super) fn explains(&self, line: u32, innermost: bool) -> bool {
+        if self.alone { innermost && line == *self.lines.start() } else { self.lines.contains(&line) }
+    }
 }
 
 /// The beginning of a comment that explains why the item, statement or arm below it is not covered.
 const EXPLANATION: &str = "// Not covered: ";
+
+/// What follows it if only the line below is meant, such as a condition without what depends on it.
+const ALONE: &str = "only this line, ";
 
 /// Reads a source. An explanation stands on lines of its own above the statement, arm or item that it explains, which
 /// ends where its brackets close.
@@ -135,10 +147,11 @@ pub(super) fn read(text: &str) -> Source {
     let mut source = Source::default();
     for (index, line) in lines.iter().enumerate() {
         let number = index as u32 + 1;
-        if line.trim_start().starts_with(EXPLANATION) {
+        if let Some(reason) = line.trim_start().strip_prefix(EXPLANATION) {
             let more = lines[index + 1..].iter().take_while(|line| line.trim_start().starts_with("//"));
             let from = index + 1 + more.count();
-            source.explained.push(Explanation { at: number, lines: from as u32 + 1..=end_of(&lines, from) });
+            let (lines, alone) = (from as u32 + 1..=end_of(&lines, from), reason.starts_with(ALONE));
+            source.explained.push(Explanation { at: number, lines, alone });
         }
         if line.contains("defmt::") && line.contains("!(") {
             source.logs.extend(number..=end_of(&lines, index));
@@ -193,9 +206,15 @@ mod tests {
         let text = "fn f() {\n    // Not covered: no test can.\n    // It takes a year.\n    if x {\n        y();\n\
                     \x20   }\n    z();\n    // Not covered: of the arm.\n    A => 1,\n}\n";
         let explained = read(text).explained;
-        assert_eq!(explained[0], Explanation { at: 2, lines: 4..=6 });
-        assert_eq!(explained[1], Explanation { at: 8, lines: 9..=9 });
+        assert_eq!(explained[0], Explanation { at: 2, lines: 4..=6, alone: false });
+        assert_eq!(explained[1], Explanation { at: 8, lines: 9..=9, alone: false });
         assert_eq!(explained.len(), 2);
+    }
+
+    #[test]
+    fn an_explanation_of_one_line_leaves_out_what_depends_on_it() {
+        let explained = &read("// Not covered: only this line, since x is true.\nif x {\n    y();\n}\n").explained[0];
+        assert!(explained.explains(2, true) && !explained.explains(2, false) && !explained.explains(3, true));
     }
 
     #[test]

@@ -168,7 +168,7 @@ fn command(timestamp: u32, command: Command) -> Vec<u8> {
 
 /// The timestamps of a writer, ms after the first: newer, equal, older, and three refused ones of which each is newer
 /// than the one before, so that the last is accepted.
-const STEPS: [u32; 9] = [0, 1, 1, 0, 1 << 31, u32::MAX - 9, u32::MAX - 7, u32::MAX - 5, 2];
+const STEPS: [u32; 10] = [0, 1, 1, 1, 0, (1 << 31) + 1, u32::MAX - 9, u32::MAX - 7, u32::MAX - 5, 2];
 
 /// Returns every request and object that the DPR must refuse, and every order of timestamps.
 fn each() -> Vec<Vec<u8>> {
@@ -196,13 +196,14 @@ fn each() -> Vec<Vec<u8>> {
     all.push(with_more);
     let too_long = |byte: u8| [uplink(), vec![byte; 5]].concat();
     all.extend([too_long(1), too_long(0xFF), [uplink(), vec![0; 7], vec![9]].concat()]);
+    all.extend([1, 2, 3, 4, 6, 7].map(|beyond| [uplink(), vec![0x5A; beyond]].concat()));
     let outside = [Request { offset: 4_096, length: 64 }, Request { offset: 0, length: 0xFFFF }];
     all.extend(outside.map(|request| encode(request).to_vec()));
     let mut request = encode(Request { offset: 96, length: 60 });
     request[7] ^= 1;
     all.push(request.to_vec());
-    all.extend([1, 3, 4, 5, 6, 7].map(|length| request[..length].to_vec()));
+    all.extend([1, 2, 3, 4, 5, 6, 7].map(|length| request[..length].to_vec()));
     all.extend([1, 2, 8, 9, 12, 40, 72, 73].map(|length| vec![0xFF; length]));
-    all.extend([9, 40, 41, 42, 43, 71].map(|length| uplink()[..length].to_vec()));
+    all.extend([9, 12, 16, 20, 24, 40, 41, 42, 43, 71].map(|length| uplink()[..length].to_vec()));
     all
 }

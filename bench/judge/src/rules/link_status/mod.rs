@@ -118,7 +118,7 @@ impl Snapshot {
         }
         self.samples.push(sample);
         // The oldest two samples are merged into one, which stands for all samples from the first to the second.
-        if let [oldest, second, ..] = self.samples[..]
+        while let [oldest, second, ..] = self.samples[..]
             && self.samples.len() > REMEMBERED
         {
             self.samples.splice(..2, [oldest.or(second)]);
@@ -226,7 +226,11 @@ impl LinkStatus {
         let mut newest = self.snapshots.iter_mut().rev();
         let (Some(last), Some(before)) = (newest.next(), newest.next()) else { return };
         if at < last.ended() + bounds::LAST_BIT_TO_READABLE {
-            last.samples.splice(..0, before.samples.iter().copied());
+            // Unless the DPR certainly accepted a newer sample, `last` has the earlier ones already.
+            let has = |old: &Sample| last.samples.iter().any(|kept| kept.at == old.at);
+            if !before.samples.last().is_some_and(has) {
+                last.samples.splice(..0, before.samples.iter().copied());
+            }
             last.none |= before.none;
         }
     }

@@ -553,3 +553,15 @@ fn a_frame_that_ended_just_before_a_fault_may_be_missed() {
         assert_eq!(run.broken(older).contains(&Violation::LinkAgeOver), wrong, "{after} ns");
     }
 }
+
+#[test]
+fn a_front_end_that_fails_again_and_again_multiplies_no_sample() {
+    let mut rule = <super::LinkStatus as super::Rule>::new(&crate::testing::header(3));
+    for at in 1..1_000 {
+        let mut next = rule.snapshots.back().unwrap().clone();
+        next.accept(super::Sample { at, delay: 0, unsure: 0 }, false);
+        rule.snapshots.push_back(next);
+        rule.may_have_missed(0);
+    }
+    assert!(rule.snapshots.back().unwrap().samples.len() <= super::REMEMBERED + 2);
+}
