@@ -23,8 +23,9 @@ const SENDS: u64 = 100 * MS;
 /// How many places of each variable are flipped, at the same distance from each other.
 const PLACES: u32 = 5;
 
-/// Flips bits of the variable called `symbol` on `board`, each in a run of its own, at `flips`. Each flip must make the board stop
-/// within `within` ns because of its RAM, and its watchdog restart it. Nothing but `restarts` may be violated.
+/// Flips bits of the variable called `symbol` on `board`, each in a run of its own, at `flips`. Each flip must make the
+/// board stop within `within` ns because of its RAM, and its watchdog restart it. Nothing but `restarts` may be
+/// violated.
 fn each_flip_stops(board: Board, symbol: &str, flips: (u64, u64), within: u64, restarts: &[Violation]) {
     let Some((sender, reader)) = image(3, "horus-tx-fw.elf").zip(image(3, "dpr-fw.elf")) else { return };
     let flipped = if board == Board::Horus { &sender } else { &reader };

@@ -4,10 +4,10 @@
 //! |---|---|
 //! | listener: wrong bytes | one byte after the other that the DPR reads from the chip has only ones, or only zeros; |
 //! | | each step of a bring-up; frames that begin while the driver checks a silent chip |
-//! | listener: other chip | the older chip, which resolves contradictions of its data sheet in the other way: a listener |
+//! | listener: other chip | the older chip, which resolves contradictions of its data sheet otherwise: a listener |
 //! | | receives frames without a command, a broken frame never ends, and clearing the FIFO keeps interrupts |
 //! | listener: second port | the chip to which the hold speaks, as in the first run and by each of its own failures |
-//! | dpr: memory | each word of the receive buffers has a stuck bit, and each word of the task that receives a flipped |
+//! | dpr: memory | each word of the receive buffers has a stuck bit, each word of the task that receives a flipped |
 //! | | one; then the program no longer fits its CRC |
 //!
 //! The judge's verdict is not asked for, since several failures meet.

@@ -81,7 +81,8 @@ fn late_tasks() -> (Faults, u64) {
     const LATE: u64 = 25 * MS;
     const PART: u64 = 5 * MS;
     let (mut faults, mut at) = (Faults::none(), 1_000 * MS);
-    // The first task serves slots and ticks. It is also late by less than a cycle, in four parts of it: for a tick alone.
+    // The first task serves slots and ticks. It is also late by less than a cycle, in four parts of it, so that only a
+    // tick is late.
     let all = (0..tasks_of(Board::Horus).len() as u8).map(|task| (task, LATE));
     for (task, late) in [(0, PART); 4].into_iter().chain(all) {
         let Some(interrupt) = interrupt_of(Board::Horus, task) else { continue };

@@ -1,4 +1,5 @@
-//! A recording in which a receiver answers its configuration, and then sends each UBX message that HORUS's parser, the crate `ublox`, knows.
+//! A recording in which a receiver answers its configuration, and then sends each UBX message that HORUS's parser, the
+//! crate `ublox`, knows.
 //!
 //! The parser checks messages that HORUS never asks for, before HORUS drops them. A receiver that is misconfigured or
 //! broken can send any of them.

@@ -16,8 +16,8 @@
 //! | `LinkFlags`, `LinkFlagsOver` | the frames at the antenna, the DPR's last start, and the injected faults |
 //! | `LinkTime` | the time since the DPR's start |
 //!
-//! `LinkAgeOver` and `LinkFlagsOver` are of a Link-Status by which the link looks worse than it is. They mislead nobody to
-//! use what is old or wrong; the DPR tells so much when it has lost a frame that reached its antenna.
+//! `LinkAgeOver` and `LinkFlagsOver` are of a Link-Status by which the link looks worse than it is. They mislead nobody
+//! to use what is old or wrong; the DPR tells so much when it has lost a frame that reached its antenna.
 //!
 //! If FRESH has not announced an image as rule `ssi` requires, the image is not compared. If objects are missing in the
 //! image (rule `shown`), bits 0 and 1 of the status may fit the image or the frames at the antenna.
