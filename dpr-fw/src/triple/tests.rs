@@ -74,6 +74,10 @@ fn memory_behind_a_reference_is_scrubbed_as_well() {
     let mut ram = [0x1234_5678_u32; 7];
     assert!(Dirty::new(&mut ram).scrub().is_ok());
     assert_eq!(ram, [0; 7]);
+    let address = (&raw const ram).addr();
+    assert_eq!(Memory::address(&&mut ram), address);
+    let received = Dirty::new(&mut ram).scrub().expect("sound").receive().received(());
+    assert_eq!(received.address(), address);
 
     let mut ram = Ram::sound(0);
     ram.stuck = Some((1, 9, true));
@@ -169,6 +173,7 @@ fn a_buffer_too_many_is_not_lost() {
 fn reading_back_counts_every_bit_that_differs() {
     let ram = [0x0000_0000, 0x8000_0001, 0xFFFF_FFFF];
     assert_eq!((ram.words(), ram.differing_bits(0), ram.differing_bits(u32::MAX)), (3, 34, 62));
+    assert_eq!([1_u32, 1].differing_bits(0), 2, "the same bit of two words");
 }
 
 #[test]
