@@ -131,7 +131,6 @@ pub fn take_in<const N: usize, B: Memory + BorrowMut<ReceiveMemory>>(
     telemetry: &Telemetry,
 ) -> bool {
     let mut called_for = false;
-    // Not covered: only this line, which the compiler has split into a path for each outcome, and asks again on one.
     while let Some(received) = rotation.lock(Rotation::read) {
         let info = received.about();
         let memory: &ReceiveMemory = received.memory().borrow();

@@ -248,8 +248,6 @@ impl Integrity {
     /// Whether the image of `generation`, which is read at present, has to be withdrawn. True only once for each
     /// finding.
     pub fn take_withdrawal(&self, generation: u32) -> bool {
-        // Not covered: only this line, a second try, which takes an interrupt between the two instructions of the
-        // exclusive access.
         let damaged = self.damaged.swap(0, Ordering::Relaxed);
         self.withdraw.swap(false, Ordering::Relaxed) || damaged != 0 && damaged == generation
     }

@@ -114,7 +114,6 @@ impl<const LEN: usize> Server<LEN> {
             telemetry.images_expired.add(1);
             return;
         }
-        // Not covered: only this line, since there is an image to load.
         if !self.budget.is_left() || !ssi.load(self.windows.window()) {
             return;
         }

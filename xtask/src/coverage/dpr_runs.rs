@@ -93,6 +93,15 @@ impl Script {
         self.add(Fault::Air(faults), after, lasts);
     }
 
+    /// A bit of the images flips in each of `count` cycles.
+    fn image_flips(&mut self, count: u64) {
+        for nth in 0..count {
+            let flip = BufferFault::Flips(Buffers::Image, 8 * (nth * 37) + nth % 8);
+            self.add(Fault::Buffer(flip), 3 * MS as i64, 0);
+            self.frame += 1;
+        }
+    }
+
     /// `fault` from the first frame on to the present one.
     fn throughout(&mut self, fault: HoldFault) {
         let faults = std::mem::take(&mut self.faults);
@@ -289,6 +298,8 @@ fn memory(addresses: &Addresses) -> Script {
         }
         script.frame += 70;
     }
+    // Images are damaged while no receive buffer is.
+    script.image_flips(30);
     // A bit is stuck in each other buffer at a start than in the first.
     for (buffers, nth, size) in [(Buffers::Receive, 1, 260), (Buffers::Receive, 2, 260), (Buffers::Written, 1, 80)] {
         let stuck = BufferFault::Stuck(buffers, true, 8 * (nth * size + 21));
@@ -299,17 +310,16 @@ fn memory(addresses: &Addresses) -> Script {
     // Short transactions, more than the port task can take.
     script.add(Fault::FlightController(Conduct::Every { bytes: 9, period_ns: 98 * US }), 0, 30 * HORUS.apart);
     script.frame += 40;
-    for nth in 0..60 {
-        let flip = BufferFault::Flips(Buffers::Image, 8 * (nth * 37) + nth % 8);
-        script.add(Fault::Buffer(flip), 3 * MS as i64, 0);
-        script.frame += 1;
-    }
+    script.image_flips(60);
     // The first buffer with a stuck bit is taken out of use, and the others stay.
     for word in [0].into_iter().chain((0..WORDS).map(|word| WORDS + word)) {
         let bit = 8 * 4 * word + word % 32;
         script.add(Fault::Buffer(BufferFault::Stuck(Buffers::Receive, true, bit)), 0, 3 * HORUS.apart);
         script.frame += 3;
     }
+    // The front end fails while a stuck bit is known.
+    script.chip(ChipFault::ReadsOnes, 0, 20 * MS);
+    script.frame += 2 * RECOVERY;
     // A flip within a frame, behind its first read. The watchdog restarts the DPR if it stops.
     let [from, to] = addresses.receiver;
     for address in (from..to).step_by(4).rev() {
