@@ -219,6 +219,7 @@ impl<const N: usize> Commit<N> {
     }
 
     fn lapse(&mut self, until_us: u32, health: &Health, images: &mut impl Images) -> bool {
+        // Not covered: only this line, a missed second frame, as in `Monitor::lapse`.
         let Some(lapse) = self.monitor.lapse(until_us) else { return false };
         self.link.missed(lapse.missed);
         if lapse.silent {

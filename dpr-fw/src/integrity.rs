@@ -248,8 +248,6 @@ impl Integrity {
     /// Whether the image of `generation`, which is read at present, has to be withdrawn. True only once for each
     /// finding.
     pub fn take_withdrawal(&self, generation: u32) -> bool {
-        // Not covered: only this line, a second try, which takes an interrupt between the two instructions of the
-        // exclusive access.
         let damaged = self.damaged.swap(0, Ordering::Relaxed);
         self.withdraw.swap(false, Ordering::Relaxed) || damaged != 0 && damaged == generation
     }
@@ -270,8 +268,10 @@ impl Integrity {
         let state = self.self_test.load(Ordering::Relaxed);
         let ended = state == PASSED || state == FAILED;
         // If a self-test was requested after the load, this compare-and-exchange fails, so the request is kept.
-        // Not covered: only this line, since only this task ends this state; and a second try, as above.
+        // Not covered: only this line, since only this task ends this state; and a second try, which takes an interrupt
+        // between the two instructions of the exclusive access.
         let taken = ended && self.self_test.compare_exchange(state, NONE, Ordering::Relaxed, Ordering::Relaxed).is_ok();
+        // Not covered: only this line, the exchange that fails, as above.
         taken.then_some(state == PASSED)
     }
 
@@ -354,6 +354,7 @@ impl Judge {
         telemetry.image_faults.add(u32::from(damaged.is_some()));
         if let Some(sound) = slice.ram_pass {
             telemetry.ram_passes.add(1);
+            // Not covered: only this line, a second pass over RAM since the start or the last self-test began.
             self.self_test.ram = self.self_test.ram.or(Some(sound));
         }
         let mut consequence = Consequence::None;
@@ -366,6 +367,7 @@ impl Judge {
             telemetry.flash_passes.add(1);
             telemetry.flash_faults.add(u32::from(!intact));
             integrity.flash_pass(intact);
+            // Not covered: only this line, a second pass over flash beside the hold, as above.
             self.self_test.flash = self.self_test.flash.or(Some(intact));
             if !intact {
                 consequence = Consequence::Withdraw;

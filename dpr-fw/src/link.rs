@@ -211,6 +211,7 @@ impl<const N: usize> Monitor<N> {
         // Not covered: a cycle of three receivers has one frame; only that of five has two. So a deadline that has
         // passed is that of a cycle.
         let silent = self.has_lapsed(now_us);
+        // Not covered: only this line, the path behind a missed second frame, as above.
         if silent {
             // A passed deadline counts as one missed frame or cycle. Each further period that has passed counts as
             // another one.
@@ -319,6 +320,7 @@ impl Link {
 
     /// Counts missed frames.
     pub fn missed(&mut self, frames: u32) {
+        // Not covered: only this line, the path behind a missed second frame alone, as in `Monitor::lapse`.
         self.missed = self.missed.wrapping_add(frames);
     }
 
@@ -349,6 +351,7 @@ impl Link {
             frames_received: self.received,
             frames_missed: self.missed,
             age_100us: LinkValues::age(self.since_us(self.reported_us)),
+            // Not covered: only this line, the limit, which 65,536 refused accesses reach.
             access_violations: u16::try_from(health.access_violations).unwrap_or(u16::MAX),
         })
     }

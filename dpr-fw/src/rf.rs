@@ -86,6 +86,7 @@ impl FrontEnd {
     /// field. Without a field, silence is no fault of the front end.
     #[must_use]
     pub const fn is_out_of_order(self) -> bool {
+        // Not covered: only this line, the test for a number that no state has.
         matches!(self, Self::Lost(fault) if !matches!(fault, Fault::Silence { field: false }))
     }
 

@@ -163,6 +163,7 @@ impl Sequence {
     /// the instant of the sample on the receiver's clock, µs, from a counter that never wraps. The instant of arrival
     /// may be used instead if it is a constant time later.
     pub fn judge(&mut self, timestamp: u32, sampled_us: u64) -> Judgement {
+        // Not covered: only this line, the path behind a second frame of a cycle, as in the firmware of the DPR.
         let judgement = self.classify(timestamp, sampled_us);
         let sample = Sample { timestamp, sampled_us };
         let held = self.found == SEARCH_CYCLES;

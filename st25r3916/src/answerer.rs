@@ -242,6 +242,7 @@ impl Answerer {
     pub fn step(&mut self, input: Input<'_>) -> Step<AnswererEvent> {
         match (self.state, input) {
             (AnswererState::Listening | AnswererState::Delivered | AnswererState::Over, input) => self.listen(input),
+            // Not covered: no SPI of the bench fails.
             (_, Input::Failed) => self.fault(Fault::Bus),
             (AnswererState::Sending(SendState::Loaded), Input::Start) => self.listen(input),
             (AnswererState::Sending(state), input) => {
@@ -258,6 +259,7 @@ impl Answerer {
                 Step::Transfer(Transfer::Short(command::STOP))
             }
             (AnswererState::Stopping, Input::Done(_)) => self.listen(Input::Start),
+            // Not covered: the executor gives each state only the inputs that the state waits for.
             (AnswererState::Stopping, _) => self.fault(Fault::Executor),
         }
     }

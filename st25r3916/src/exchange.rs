@@ -344,6 +344,8 @@ impl Exchange {
     }
 
     fn begin(&mut self, status: Status) {
+        // Not covered: an answer of which the status shows the end without the beginning, and flags of errors at a
+        // beginning.
         self.frame.insert(Frame::new(ReadMode::StoreAndForward)).note(status);
     }
 

@@ -224,6 +224,8 @@ impl FrameFlags {
     /// The flags that are in at least one of both sets.
     #[must_use]
     pub const fn union(self, other: Self) -> Self {
+        // Not covered: only this line, flags that the status of a frame's beginning does not have, since no byte has come;
+        // and in the copy of an exchange a framing error, and a status in the middle of an answer.
         Self(self.0 | other.0)
     }
 
@@ -502,6 +504,8 @@ impl Listener {
                 self.short(ListenerState::RearmStatus, STATUS_READ)
             }
 
+            // Not covered: only this line, a level beyond the size of the FIFO, as on a line that is stuck high, 0.1 ms
+            // behind a status without such a level.
             (ListenerState::RearmStatus, Input::Done(response)) => match Status::parse(response) {
                 Ok(status) => self.rearm(status),
                 Err(fault) => self.fault(fault),
@@ -513,6 +517,7 @@ impl Listener {
                 self.short(ListenerState::CheckingSetting, self.bring_up.read_next())
             }
             (ListenerState::CheckingSetting, Input::Done(response)) => match self.bring_up.check_next(response) {
+                // Not covered: only this line, a response of another length: each is as long as its transfer.
                 Ok(()) => self.resume(),
                 Err(fault) => self.fault(fault),
             },
@@ -551,13 +556,14 @@ impl Listener {
                     self.event(ListenerState::Reported, ListenerEvent::Listening)
                 }
             }
-            // Not covered: the executor gives each state only the inputs that the state waits for.
             _ => self.fault(Fault::Executor),
         }
         // Not covered: only this line, the ends of the paths that are explained above.
     }
 
     fn short(&mut self, state: ListenerState, short: Short) -> Step<ListenerEvent> {
+        // Not covered: only this line, where the compiler puts the fault of a response of another length: each is as
+        // long as its transfer.
         self.state = state;
         Step::Transfer(Transfer::Short(short))
     }
@@ -624,6 +630,8 @@ impl Listener {
             let first = if self.field_on { reg::IRQ_EOF } else { reg::IRQ_EON };
             let due = if self.field_irqs & first != 0 { first } else { self.field_irqs };
             self.field_irqs &= !due;
+            // Not covered: only this line, in the copy behind a report: a second change of the field in the same
+            // status.
             if due != 0 {
                 self.field_on = due == reg::IRQ_EON;
                 if self.field_on {
@@ -637,6 +645,7 @@ impl Listener {
     }
 
     fn wait(&mut self) -> Step<ListenerEvent> {
+        // Not covered: only this line, the limit, which 7.5 s of silence reach.
         if self.silent_us >= SILENCE_US << self.silences.min(SILENCE_DOUBLINGS) {
             self.silences = self.silences.saturating_add(1);
             return self.fault(Fault::Silence { field: self.field_on });
@@ -647,6 +656,7 @@ impl Listener {
                 (ListenerState::Listening, self.config.supervision_us)
             }
             Some(frame) => {
+                // Not covered: only this line, a part of what `Frame::next_wait_us` explains.
                 frame.waiting_us = frame.next_wait_us();
                 (ListenerState::Receiving, u32::from(frame.waiting_us))
             }
@@ -686,7 +696,9 @@ impl Listener {
             self.idle_irqs = 0;
         }
         match &mut self.frame {
+            // Not covered: only this line, the path of a frame that is too long, as in `Frame::ends`.
             Some(_) => self.status_in_frame(status, late),
+            // Not covered: only this line, which the compiler asks on a path for quiet statuses and on one for others.
             None if status.is_set(reg::IRQ_RXS | reg::IRQ_RXE) => self.status_begins(status),
             // Not covered: only this line, since an error raises the interrupt, so that a late status shows none
             // without a frame, and a quiet one none either.
@@ -725,8 +737,6 @@ impl Listener {
                 return self.lose(Dropped::Overrun);
             }
             self.silent_us += DISTURBED_US;
-            // Not covered: the end of a frame or a FIFO that runs over, since the status is that of the second
-            // frame's beginning.
             self.begin_frame(status);
             count(&mut self.counters.dropped);
             return self.event(ListenerState::Reported, ListenerEvent::Dropped(Dropped::Overrun));
@@ -746,13 +756,17 @@ impl Listener {
             return self.lose(Dropped::NoEnd);
         }
         let got = frame.got;
+        // Not covered: only this line, since a frame of which all bytes have come ends before the wait for its last
+        // read does.
         let more_comes = frame.total.is_some_and(|total| total > got + status.count + MARGIN);
         let refilled = frame.plan == Plan::Tail && status.count >= REFILLED && more_comes;
         let margin = if refilled { 0 } else { MARGIN };
         frame.advance();
         if status.count <= margin {
             self.wait()
+            // Not covered: only this line, as in `Frame::ends`.
         } else if is_too_long(got + status.count - margin) {
+            // Not covered: as in `Frame::ends`.
             self.lose(Dropped::TooLong)
         } else {
             self.read(got, status.count - margin, false)
@@ -867,6 +881,8 @@ impl Frame {
         self.unread = count.min(CRC);
         if self.got + count < SHORTEST {
             Err(Dropped::Runt)
+            // Not covered: only this line, since LEN announces no more bytes than the buffer has: only a level of the
+            // FIFO that is read wrong at the end of a frame is higher.
         } else if is_too_long(self.got + count) {
             Err(Dropped::TooLong)
         } else {
@@ -916,14 +932,15 @@ impl Frame {
             };
             // The number of the frame's bytes that had arrived when the status before the last read was evaluated.
             let arrived = self.got + MARGIN;
-            // Not covered: only this line, in the unrolled turn of the last read, which a frame reaches with bytes to
-            // come.
             if let Some(total) = self.total
+                // Not covered: only this line, in the unrolled turn of the last read, which a frame reaches with bytes
+                // to come.
                 && total > arrived + to_come
             {
+                // Not covered: only this line, the least time, for bytes that come sooner than a read takes.
                 return bytes_us(total - to_come - arrived).saturating_sub(self.read_us).clamp(1, left_us);
             }
-            // Not covered: only this line, as above.
+            // Not covered: as above.
             self.advance();
         }
     }

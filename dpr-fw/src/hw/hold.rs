@@ -163,6 +163,7 @@ impl AnswerPort for HoldPort {
         self.timer.events_compare[HOLD_ANSWER_COMPARE].reset();
         // SAFETY: the compare register takes any value.
         self.timer.cc[HOLD_ANSWER_COMPARE].write(|w| unsafe { w.bits(at_us) });
+        // Not covered: it needs a task of a higher priority that begins within these few instructions.
         if is_passed(0) && self.timer.events_compare[HOLD_ANSWER_COMPARE].read().bits() == 0 {
             // The task was preempted until the counter had passed the compare value, so the timer will not start the
             // transfer in time.

@@ -349,6 +349,7 @@ impl<W: Wiring> rf::FrontEndPort for Port<W> {
         assert!(!self.running, "the receive buffer is being written");
         // Not covered: there is a receive buffer, as in `start_read`.
         self.receive = self.receive.take().map(with);
+        // Not covered: only this line, the return without a receive buffer, as above.
     }
 
     fn arrived(&self, len: usize) -> &[u8] {

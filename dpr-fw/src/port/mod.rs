@@ -196,6 +196,7 @@ impl WritePort {
             Asked::Short | Asked::Nothing | Asked::Window => {}
         }
         if !is_idle(object) {
+            // Not covered: only this line, the end of the `match` in `Violation::of_object` that is explained there.
             let judged = Written::verify(object).map_err(Violation::of_object);
             let done = judged.and_then(|written| self.written(written));
             self.last_refused = done.is_err();

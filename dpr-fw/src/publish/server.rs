@@ -106,15 +106,16 @@ impl<const LEN: usize> Server<LEN> {
         let Taken { newer, announced } = mailbox.lock(|mailbox| ssi.exchange(|streamed| mailbox.take(streamed)));
         // Not covered: only this line, the end of the other copy of the locked section.
         if newer {
+            // Not covered: only this line, in a copy behind the section that has found no newer image, and asks again.
             self.budget = Budget::new();
         }
         // An image may expire during a transaction, after it was announced and before the transaction ended.
         let announce = newer && !announced;
+        // Not covered: only this line, as above.
         if !announce && ssi.is_expired() {
             telemetry.images_expired.add(1);
             return;
         }
-        // Not covered: only this line, since there is an image to load.
         if !self.budget.is_left() || !ssi.load(self.windows.window()) {
             return;
         }

@@ -99,7 +99,6 @@ impl<B: Memory> Scrubbable for Exchange<B> {
     }
 
     fn scrubbed(&mut self, outcome: Outcome<B>) -> Scrubbed {
-        // Not covered: a faulty buffer when the least number is in use, since `take_dirty` gives none then.
         let (clean, found) = self.in_use.admit(outcome);
         if let Some(clean) = clean {
             self.clean.push(clean);

@@ -44,6 +44,8 @@ impl<B: Memory, I> Rotation<B, I> {
             let (clean, found) = rotation.in_use.admit(Dirty::new(buffer).scrub());
             all += found;
             if let Some(clean) = clean {
+                // Not covered: only this line, since one buffer at most is taken out of use, so that the first or the
+                // second is the one to write.
                 match first {
                     None => first = Some(clean.receive()),
                     Some(_) => rotation.clean.push(clean),
@@ -103,6 +105,7 @@ impl<B: Memory, I> Scrubbable for Rotation<B, I> {
     type Buffer = B;
 
     fn take_dirty(&mut self) -> Option<Dirty<B>> {
+        // Not covered: only this line, as in `Waiting::pop`.
         self.dirty.pop()
     }
 

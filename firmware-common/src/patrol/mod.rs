@@ -185,7 +185,10 @@ impl Patrol {
     /// Does one slice of the patrol. Every slice does the same work, unless memory differs from what it should hold.
     pub fn slice(&mut self, memory: &mut impl Memory) -> Slice {
         let guard = self.guards.changed(memory);
+        // Not covered: only this line, a slice without words: the rate is a constant above 0, and a firmware without code
+        // in RAM, such as the hold's, compares none of it.
         let code = self.code(memory);
+        // Not covered: only this line, a slice without words of RAM, since the rate is a constant above 0.
         Slice { code, guard, ..self.passes(memory) }
     }
 
@@ -193,6 +196,7 @@ impl Patrol {
     pub fn passes(&mut self, memory: &mut impl Memory) -> Slice {
         let flash = self.flash(memory);
         let Layout { used, apart, .. } = &self.layout;
+        // Not covered: only this line, an end of the search in `Walk::seek` that its constant ranges do not reach.
         let ram::Found { fault: ram, pass: ram_pass } = self.ram.run(self.rate.ram_words, used, apart, memory);
         Slice { flash, ram, ram_pass, ..Slice::default() }
     }

@@ -85,9 +85,11 @@ impl Walk {
     /// of these ranges takes one step.
     pub fn run(&mut self, steps: u32, used: &Range<u32>, apart: &[Range<u32>], memory: &mut impl Memory) -> Found {
         let mut found = Found::default();
+        // Not covered: only this line, a slice without steps, since the rate is a constant above 0.
         for _ in 0..steps {
             if self.at < used.start {
                 self.at = used.start;
+                // Not covered: only this line, as in `seek`.
                 self.seek(apart);
             }
             if self.at + 8 > self.next.start {
@@ -98,6 +100,8 @@ impl Walk {
             } else if self.at + 8 <= used.end {
                 if memory.exercise(self.at) != 0 {
                     found.fault = Some(self.at);
+                    // Not covered: only this line, in one of its two copies: a stuck bit is found by the copy that
+                    // comes to it first, that of a slice or that of what a self-test adds.
                     self.sound = false;
                 }
                 self.at += 4;

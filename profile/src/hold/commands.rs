@@ -127,6 +127,8 @@ impl Memory {
         if command.word.get() == 0 || !is_newer(number, self.acknowledged.number()) {
             return;
         }
+        // Not covered: only this line, a command that is seen for more than a second: the DPR hands an uplink on for a
+        // second at most.
         let outcome = match (age, command.command()) {
             (Age::Unknown, _) => return,
             (Age::TooOld, _) => Outcome::TooOld,
@@ -213,7 +215,9 @@ impl Commands {
         // Both uplinks are verified before either command is executed, so that the work does not depend on the
         // commands.
         let uplinks = (answer.uplink::<BaseStation>(), answer.uplink::<FlightController>());
+        // Not covered: only this line, the path behind an uplink of another size, which no answer has.
         if let Ok(uplink) = uplinks.0 {
+            // Not covered: only this line, a command that is too old, as in `Memory::take`.
             self.base_station.take(uplink, now_ms, |command| execute(Function::BaseStation, command));
         }
         if let Ok(uplink) = uplinks.1 {

@@ -93,6 +93,15 @@ impl Script {
         self.add(Fault::Air(faults), after, lasts);
     }
 
+    /// A bit of the images flips in each of `count` cycles.
+    fn image_flips(&mut self, count: u64) {
+        for nth in 0..count {
+            let flip = BufferFault::Flips(Buffers::Image, 8 * (nth * 37) + nth % 8);
+            self.add(Fault::Buffer(flip), 3 * MS as i64, 0);
+            self.frame += 1;
+        }
+    }
+
     /// `fault` from the first frame on to the present one.
     fn throughout(&mut self, fault: HoldFault) {
         let faults = std::mem::take(&mut self.faults);
@@ -146,7 +155,7 @@ pub(super) fn dpr_runs(addresses: &Addresses, hold: bool) -> Vec<(&'static str, 
 fn wrong_bytes() -> Script {
     let mut script = Script::of_horus();
     // The last read while a frame arrives, the frame's end, and the re-arming.
-    for window in [[-120, -70, 1], [3, 25, 1], [105, 170, 3]] {
+    for window in [[-120, -70, 1], [3, 25, 1], [25, 105, 5], [105, 170, 3], [170, 260, 5]] {
         script.wrong_bytes(window, RECOVERY);
     }
     let lost = AirFaults { lost: 1.0, ..AirFaults::default() };
@@ -255,6 +264,11 @@ fn second_port() -> Script {
     script.broken_bring_up(&[ChipFault::ReadsZeros, ChipFault::NoInterrupts], 1);
     // A bit is stuck in each buffer at a start, and then in flight: the first is taken out of use.
     for (nth, starts) in [(0, true), (1, true), (2, true), (0, false), (1, false), (2, false)] {
+        if !starts && nth == 0 {
+            // All buffers are in use again.
+            script.add(Fault::Power(Board::Dpr, PowerFault::Pin), 0, 0);
+            script.frame += 3;
+        }
         let stuck = BufferFault::Stuck(Buffers::HoldReceive, true, 8 * (nth * 4 * WORDS + 20));
         script.add(Fault::Buffer(stuck), 0, 290 * MS);
         if starts {
@@ -289,8 +303,12 @@ fn memory(addresses: &Addresses) -> Script {
         }
         script.frame += 70;
     }
+    // Images are damaged while no receive buffer is.
+    script.image_flips(30);
     // A bit is stuck in each other buffer at a start than in the first.
-    for (buffers, nth, size) in [(Buffers::Receive, 1, 260), (Buffers::Receive, 2, 260), (Buffers::Written, 1, 80)] {
+    for (buffers, nth, size) in
+        [(Buffers::Receive, 1, 260), (Buffers::Receive, 2, 260), (Buffers::Written, 1, 80), (Buffers::Written, 2, 80)]
+    {
         let stuck = BufferFault::Stuck(buffers, true, 8 * (nth * size + 21));
         script.add(Fault::Buffer(stuck), 0, 20 * HORUS.apart);
         script.add(Fault::Power(Board::Dpr, PowerFault::Pin), MS as i64, 0);
@@ -299,23 +317,25 @@ fn memory(addresses: &Addresses) -> Script {
     // Short transactions, more than the port task can take.
     script.add(Fault::FlightController(Conduct::Every { bytes: 9, period_ns: 98 * US }), 0, 30 * HORUS.apart);
     script.frame += 40;
-    for nth in 0..60 {
-        let flip = BufferFault::Flips(Buffers::Image, 8 * (nth * 37) + nth % 8);
-        script.add(Fault::Buffer(flip), 3 * MS as i64, 0);
-        script.frame += 1;
-    }
+    script.image_flips(60);
     // The first buffer with a stuck bit is taken out of use, and the others stay.
     for word in [0].into_iter().chain((0..WORDS).map(|word| WORDS + word)) {
         let bit = 8 * 4 * word + word % 32;
         script.add(Fault::Buffer(BufferFault::Stuck(Buffers::Receive, true, bit)), 0, 3 * HORUS.apart);
         script.frame += 3;
     }
+    // The front end fails while a stuck bit is known.
+    script.chip(ChipFault::ReadsOnes, 0, 20 * MS);
+    script.frame += 2 * RECOVERY;
     // A flip within a frame, behind its first read. The watchdog restarts the DPR if it stops.
     let [from, to] = addresses.receiver;
     for address in (from..to).step_by(4).rev() {
         script.add(Fault::Upset(Board::Dpr, Upset::Ram { address, bit: 1 }), -3 * MS as i64, 0);
         script.frame += RECOVERY;
     }
+    // The clocks differ by more than a crystal can, over more than a window of their comparison.
+    script.add(Fault::Drift(Board::Horus, 25_000_000), 100 * HORUS.apart as i64, 250 * HORUS.apart);
+    script.frame += 400;
     script
 }
 

@@ -106,20 +106,6 @@ fn late_tasks() -> (Faults, u64) {
     (faults, at)
 }
 
-/// The transfers of the receiver on SPI stop in several cycles in a row, again and again until `end`, ns: what the
-/// receiver has sent then counts as old.
-pub(super) fn spi_pauses(end: u64) -> Faults {
-    let mut faults = Faults::none();
-    for begins in (FIRST..end).step_by(303_700_000) {
-        for nth in 0..8 {
-            let at = begins + nth * 10 * MS;
-            let upset = Fault::Upset(Board::Horus, Upset::Peripheral { address: STREAMS[2], bit: 0 });
-            faults = faults.with(at, at, upset);
-        }
-    }
-    faults
-}
-
 fn kept_state(kept: &[u32]) -> (Faults, u64) {
     let (mut faults, mut at) = (Faults::none(), 1_000 * MS);
     for &address in kept {

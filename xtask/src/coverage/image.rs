@@ -97,14 +97,14 @@ impl Image {
                 Some("_stack_end") => image.ram = address,
                 Some("__guard_data") => image.guard = address,
                 Some("__ehot") => image.hot = address,
+                Some(name) if name.ends_with("__rtic_internal_shared_resource_receiver") => {
+                    image.receiver = [address, address + u32::try_from(symbol.size())?];
+                }
                 _ if symbol.kind() == SymbolKind::Data => {
                     for (_, parts) in KEPT.into_iter().filter(|(kept, _)| name.contains(kept)) {
                         let part = u32::try_from(symbol.size())? / parts;
                         image.kept.extend((0..parts).map(|nth| address + nth * part + INSIDE.min(part / 2)));
                     }
-                }
-                Some(name) if name.ends_with("__rtic_internal_shared_resource_receiver") => {
-                    image.receiver = [address, address + u32::try_from(symbol.size())?];
                 }
                 _ if symbol.kind() == SymbolKind::Text && symbol.size() > 0 => {
                     let (start, size) = (address & !1, u32::try_from(symbol.size())?);

@@ -139,13 +139,6 @@ fn misreads(boards: &[Board], hold: bool) -> (Faults, u64) {
         }
         at += 270 * MS;
     }
-    if hold {
-        // The front end that answers the hold has no other run.
-        for fault in ChipFault::ALL {
-            faults = faults.with(at, at + 250 * MS, Fault::Hold(HoldFault::Port(fault)));
-            at += 450 * MS;
-        }
-    }
     (faults, at)
 }
 
