@@ -88,9 +88,9 @@ pub(crate) const DEFECTS: &[Defect] = &[
 
     row("buses-not-polled", "the tick serves the first receiver alone",
         edit(HORUS,
-          "for line in cx.shared.lines {\n            line.poll();",
+          "for line in cx.shared.lines {\n            change(line, GnssLine::poll);",
           "for (nth, line) in cx.shared.lines.iter_mut().enumerate() {\n            if DEFECT && nth > 0 \
-          {\n                continue;\n            }\n            line.poll();"),
+          {\n                continue;\n            }\n            change(line, GnssLine::poll);"),
         PLAIN, By(V::NotRead)),
     row("receivers-not-configured", "no settings are sent to any receiver",
         edit(HORUS, "buffers::outbox(index).put(&message);", "let _ = &message;"),
@@ -396,7 +396,7 @@ pub(crate) const DEFECTS: &[Defect] = &[
         AIR, By(V::NotShown)),
     // Breaks IMG-4.
     row("scrub-without-check", "a bit that is stuck is never found",
-        edit("dpr-fw/src/triple/types.rs", "stuck_bits += self.0.differing_bits(pattern);", "stuck_bits += 0;"),
+        edit("dpr-fw/src/triple/types.rs", "stuck_bits += memory.differing_bits(pattern);", "stuck_bits += 0;"),
         BUFFERS, By(V::FaultUnnoticed)),
 
     // ---- DPR: Link-Status
