@@ -36,6 +36,10 @@ impl Budget {
     /// When the second port has used this number of SPI bytes in a window, it does no more work in that window.
     pub const BYTES: u32 = 1_500;
 
+    /// The calls and SPI bytes that must be left when an answer begins: more than sending one takes. An answer whose
+    /// bytes the second port does not load breaks off.
+    pub const ANSWER: (u32, u32) = (40, 300);
+
     /// Returns the budget of a window that begins at `now_us`.
     #[must_use]
     pub const fn new(now_us: u32) -> Self {
@@ -63,6 +67,12 @@ impl Budget {
     /// Takes `bytes` SPI bytes off the budget.
     pub fn carry(&mut self, bytes: u32) {
         self.bytes += bytes;
+    }
+
+    /// Whether enough is left of this window's budget for an answer.
+    #[must_use]
+    pub const fn has_answer(&self) -> bool {
+        self.calls + Self::ANSWER.0 <= Self::CALLS && self.bytes + Self::ANSWER.1 <= Self::BYTES
     }
 
     /// Returns the calls and the SPI bytes that were used in this window.

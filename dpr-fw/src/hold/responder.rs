@@ -190,10 +190,11 @@ where
         })
     }
 
-    /// Makes the timer start the answer whose first bytes are loaded. If the instant has passed, the answer is dropped.
+    /// Makes the timer start the answer whose first bytes are loaded. If the instant has passed, or too little is left
+    /// of the budget to load the others, the answer is dropped.
     fn loaded(&mut self, telemetry: &HoldTelemetry) -> Option<AnswererEvent> {
         let port = self.executor.port();
-        if !port.arm(self.ended_us.wrapping_add(ANSWER_US)) {
+        if !self.budget.has_answer() || !port.arm(self.ended_us.wrapping_add(ANSWER_US)) {
             telemetry.answers_missed.add(1);
             return self.executor.resume();
         }

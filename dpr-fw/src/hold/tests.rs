@@ -42,6 +42,26 @@ fn calls_without_end_are_served_up_to_the_budget_of_each_window() {
     }
 }
 
+#[test]
+fn an_answer_begins_only_with_the_calls_and_bytes_that_it_takes() {
+    let (calls, bytes) = Budget::ANSWER;
+    let mut budget = Budget::new(0);
+    for _ in calls..Budget::CALLS {
+        assert!(budget.has_answer());
+        budget.call(1);
+    }
+    assert!(budget.has_answer());
+    budget.carry(Budget::BYTES - bytes);
+    assert!(budget.has_answer());
+    budget.carry(1);
+    assert!(!budget.has_answer(), "a byte is missing");
+    let mut budget = Budget::new(0);
+    for _ in calls..=Budget::CALLS {
+        budget.call(1);
+    }
+    assert!(!budget.has_answer(), "a call is missing");
+}
+
 // Shows HOLD-8.
 #[test]
 fn the_port_rests_once_and_wakes_in_the_next_window() {
