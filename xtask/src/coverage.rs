@@ -76,7 +76,7 @@ const UPSET_FLIGHT: u64 = 6;
 #[derive(Args)]
 pub(crate) struct CoverageArgs {
     /// Virtual time of each run, in seconds.
-    #[arg(long, default_value_t = 8.0, value_parser = sim::positive_seconds)]
+    #[arg(long, default_value_t = 6.0, value_parser = sim::positive_seconds)]
     seconds: f64,
     /// The seeds: each kind of fault runs once with each.
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "1")]
@@ -88,7 +88,7 @@ pub(crate) struct CoverageArgs {
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     faults: Option<Vec<Kind>>,
     /// Make only the runs whose name contains this word, and no upsets.
-    #[arg(long, value_name = "WORD", conflicts_with_all = ["faults", "write"])]
+    #[arg(long, value_name = "WORD", conflicts_with_all = ["faults", "write", "check"])]
     only: Option<String>,
     /// The number of upsets of RAM, flash and registers, each on a copy of the bench.
     #[arg(long, value_name = "COUNT", default_value_t = 24)]
@@ -96,6 +96,9 @@ pub(crate) struct CoverageArgs {
     /// Write the totals into docs/safety/coverage.md.
     #[arg(long, conflicts_with = "faults")]
     write: bool,
+    /// Write nothing; fail if docs/safety/coverage.md does not show these totals.
+    #[arg(long, conflicts_with_all = ["faults", "write"])]
+    check: bool,
     /// Write every gap as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -132,9 +135,10 @@ pub(crate) fn coverage(args: &CoverageArgs) -> Result<ExitCode> {
         std::fs::write(json.path(), text + "\n").context("could not write the gaps")?;
         json.finish()?;
     }
-    if args.write {
-        let page = report::page(&command(args), &summary, &report::missing(&measured, &explained));
-        std::fs::write(root().join(PAGE), page).with_context(|| format!("could not write {PAGE}"))?;
+    if args.write || args.check {
+        let command = command(args);
+        let page = report::page(&command, &summary, &report::missing(&measured, &explained));
+        crate::figures::write(args.check, root().join(PAGE), &page, &command)?;
     }
     if args.only.is_some() {
         return Ok(ExitCode::SUCCESS);

@@ -32,6 +32,8 @@ const SAMPLE: [&str; 10] = [
 const MARKS: [&str; 2] =
     ["<!-- written by `cargo xtask figures` -->\n", "<!-- end of what `cargo xtask figures` writes -->\n"];
 
+const COMMAND: &str = "cargo xtask figures";
+
 #[derive(Args)]
 pub(crate) struct FiguresArgs {
     /// Write nothing; fail if a file is not current.
@@ -45,22 +47,23 @@ pub(crate) fn figures(args: &FiguresArgs) -> Result<ExitCode> {
         .replace("@three@\n", &table(&three, Some(&sound(on_all_clocks(&["--fc-ppm", "-1000"])?)?)))
         .replace("@five@\n", &table(&on_all_clocks(&["--gps", "5"])?, None))
         .replace("@memory@\n", &memory()?);
-    write(args.check, root().join("docs/figures.md"), &page)?;
+    write(args.check, root().join("docs/figures.md"), &page, COMMAND)?;
     let readme = root().join("README.md");
     let text = std::fs::read_to_string(&readme).with_context(|| format!("could not read {}", readme.display()))?;
-    write(args.check, readme, &with_sample(&text, &sample(&three[0]))?)?;
+    write(args.check, readme, &with_sample(&text, &sample(&three[0]))?, COMMAND)?;
     let path = root().join("docs/timing.md");
     let text = std::fs::read_to_string(&path).with_context(|| format!("could not read {}", path.display()))?;
     let (page, chart) = timing::page(&text, &path)?;
-    write(args.check, path, &page)?;
-    write(args.check, root().join("docs/timing.svg"), &chart)?;
+    write(args.check, path, &page, COMMAND)?;
+    write(args.check, root().join("docs/timing.svg"), &chart, COMMAND)?;
     Ok(ExitCode::SUCCESS)
 }
 
-fn write(check: bool, path: PathBuf, text: &str) -> Result<()> {
+/// Writes what `command` found, or with `check` fails if the file shows something else.
+pub(crate) fn write(check: bool, path: PathBuf, text: &str, command: &str) -> Result<()> {
     let current = std::fs::read_to_string(&path).is_ok_and(|found| found == text);
     if check {
-        ensure!(current, "{} does not show what the link does now: run `cargo xtask figures`", path.display());
+        ensure!(current, "{} does not show what the link does now: run `{command}`", path.display());
     } else if !current {
         std::fs::write(&path, text).with_context(|| format!("could not write {}", path.display()))?;
         println!("{}", path.display());
@@ -224,7 +227,7 @@ mod tests {
 
     #[test]
     fn a_file_that_is_not_current_fails_the_check_with_the_remedy() {
-        let error = write(true, root().join("docs/figures.md"), "another page").unwrap_err();
+        let error = write(true, root().join("docs/figures.md"), "another page", COMMAND).unwrap_err();
         assert!(error.to_string().contains("run `cargo xtask figures`"), "{error}");
     }
 }
