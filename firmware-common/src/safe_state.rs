@@ -87,8 +87,8 @@ mod imp {
             let active = nvic.iabr.get(interrupt / 32).is_some_and(|word| word.read() >> (interrupt % 32) & 1 != 0);
             let Some(priority) = nvic.ipr.get(interrupt) else { break };
             let urgency = priority.read();
-            // Not covered: only this line, in the turns of the unrolled loop for interrupts that the DPR and the hold have
-            // no task for: 7, 15, 23 and so on, and in the hold also 2, 10, 18 and so on.
+            // Not covered: only this line, in the turns of the unrolled loop for interrupts that the DPR and the hold
+            // have no task for: 7, 15, 23 and so on, and in the hold also 2, 10, 18 and so on.
             if active && urgency < found.0 {
                 found = (urgency, interrupt as u16 + 16);
             }

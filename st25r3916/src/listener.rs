@@ -224,8 +224,8 @@ impl FrameFlags {
     /// The flags that are in at least one of both sets.
     #[must_use]
     pub const fn union(self, other: Self) -> Self {
-        // Not covered: only this line, flags that the status of a frame's beginning does not have, since no byte has come;
-        // and in the copy of an exchange a framing error, and a status in the middle of an answer.
+        // Not covered: only this line, flags that the status of a frame's beginning does not have, since no byte has
+        // come; and in the copy of an exchange a framing error, and a status in the middle of an answer.
         Self(self.0 | other.0)
     }
 

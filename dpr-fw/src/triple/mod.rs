@@ -114,8 +114,8 @@ impl<const OF: u32, const LEAST: u32> InUse<OF, LEAST> {
 
 /// Returns the scrubbed buffer even if it is faulty, for a task that has no other buffer left.
 pub(crate) fn keep<B>(outcome: Outcome<B>) -> (Clean<B>, Scrubbed) {
-    // Not covered: only this line, in the copies that meet no faulty buffer while the least number is in use: at a start
-    // it is a second fault, and later `Exchange` gives none to the scrub.
+    // Not covered: only this line, in the copies that meet no faulty buffer while the least number is in use: at a
+    // start it is a second fault, and later `Exchange` gives none to the scrub.
     match outcome {
         Ok(clean) => (clean, Scrubbed { buffers: 1, ..Scrubbed::default() }),
         Err(faulty) => {

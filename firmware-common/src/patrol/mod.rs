@@ -185,8 +185,8 @@ impl Patrol {
     /// Does one slice of the patrol. Every slice does the same work, unless memory differs from what it should hold.
     pub fn slice(&mut self, memory: &mut impl Memory) -> Slice {
         let guard = self.guards.changed(memory);
-        // Not covered: only this line, a slice without words: the rate is a constant above 0, and a firmware without code
-        // in RAM, such as the hold's, compares none of it.
+        // Not covered: only this line, a slice without words: the rate is a constant above 0, and a firmware without
+        // code in RAM, such as the hold's, compares none of it.
         let code = self.code(memory);
         // Not covered: only this line, a slice without words of RAM, since the rate is a constant above 0.
         Slice { code, guard, ..self.passes(memory) }
