@@ -477,7 +477,8 @@ mod app {
         if let Some(line) = lines.get_mut(index) {
             // A bus has some 20 interrupts a cycle, all within a short time after the tick, which verifies its state.
             let serve = |line: &mut GnssLine| line.interrupt(vector);
-            if if line.get().is_bus() { line.change_verified(serve) } else { change(line, serve) } {
+            let have_come = if line.get().is_bus() { line.change_verified(serve) } else { change(line, serve) };
+            if have_come {
                 board::call(Task::parse);
             }
         }

@@ -340,9 +340,9 @@ pub(crate) const DEFECTS: &[Defect] = &[
         CHIPS, Not("few of the bits that flip in a run matter; `cargo xtask sim --flips` flips each, and fails")),
     row("listener-settings-not-read-back", "the listener believes that its chip keeps its settings",
         edit("st25r3916/src/listener.rs",
-          "match self.bring_up.check_next(response) {\n                Ok(()) => self.resume(),",
-          "match if DEFECT { Ok(()) } else { self.bring_up.check_next(response) } {\n                Ok(()) => \
-          self.resume(),"),
+          "(ListenerState::CheckingSetting, Input::Done(response)) => match self.bring_up.check_next(response) {",
+          "(ListenerState::CheckingSetting, Input::Done(response)) => match if DEFECT { Ok(()) } else { \
+          self.bring_up.check_next(response) } {"),
         CHIPS, Not("few of the bits that flip in a run matter; `cargo xtask sim --flips` flips each, and fails")),
     row("silence-not-noticed", "a listener that hears nothing is never brought up anew",
         edit("st25r3916/src/listener.rs",
