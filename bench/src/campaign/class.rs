@@ -11,6 +11,8 @@ use crate::danger::is_dangerous;
 pub struct Reading {
     /// The instant at which the transaction ended, virtual ns.
     pub at: u64,
+    /// The instant at which it began, virtual ns. The client's verdict, also on the age, is of this instant.
+    pub began: u64,
     /// A digest of the bytes that were read and of the instant at which the transaction began.
     pub bytes: u64,
     /// The timestamp, ms, of the position by which the flight controller flies; `None` without a position.
@@ -20,16 +22,16 @@ pub struct Reading {
 impl Reading {
     /// The readings in a part of an event log.
     pub fn of(events: &[Event]) -> impl Iterator<Item = Self> + '_ {
-        let mut bytes = 0;
+        let (mut bytes, mut began) = (0, 0);
         events.iter().filter_map(move |event| match &event.what {
             What::Transaction { selected, miso, .. } => {
                 let mut digest = Digest::new();
                 digest.word(*selected);
                 digest.bytes(miso);
-                bytes = digest.finish();
+                (bytes, began) = (digest.finish(), *selected);
                 None
             }
-            What::Decided { position, .. } => Some(Self { at: event.at, bytes, position: *position }),
+            What::Decided { position, .. } => Some(Self { at: event.at, began, bytes, position: *position }),
             _ => None,
         })
     }
@@ -92,7 +94,7 @@ impl Class {
 fn stands_still(readings: &[Reading]) -> bool {
     readings.chunk_by(|one, other| one.position == other.position).any(|same| {
         let (Some(first), Some(last)) = (same.first(), same.last()) else { return false };
-        first.position.is_some() && last.at - first.at > LONGEST_POSITION
+        first.position.is_some() && last.began - first.began > LONGEST_POSITION
     })
 }
 
@@ -109,8 +111,14 @@ mod tests {
 
     const MS: u64 = 1_000_000;
 
+    impl Reading {
+        fn at(at: u64, bytes: u64, position: Option<u32>) -> Self {
+            Self { at, began: at - MS / 10, bytes, position }
+        }
+    }
+
     fn readings(position: impl Fn(u64) -> Option<u32>) -> Vec<Reading> {
-        (1..=100).map(|nth| Reading { at: nth * 4 * MS, bytes: nth, position: position(nth * 4) }).collect()
+        (1..=100).map(|nth| Reading::at(nth * 4 * MS, nth, position(nth * 4))).collect()
     }
 
     fn sound() -> Vec<Reading> {
@@ -156,6 +164,19 @@ mod tests {
     }
 
     #[test]
+    fn a_verdict_is_of_the_beginning_of_its_transaction() {
+        // The flight controller pauses within the transaction that repeats a position, or before it.
+        let pauses = |within: bool| {
+            let mut readings = sound();
+            readings.drain(31..61);
+            readings[30] = Reading { at: readings[31].at - MS, ..readings[29] };
+            readings[30].began = if within { readings[29].at + MS } else { readings[30].at - MS / 10 };
+            Class::of(&sound(), &readings, &[])
+        };
+        assert_eq!((pauses(true), pauses(false)), (Class::Recovered, Class::Dangerous));
+    }
+
+    #[test]
     fn a_position_that_lasts_beyond_its_age_limit_is_dangerous() {
         let longest = LONGEST_POSITION / MS / 4 * 4;
         let stands =
@@ -167,7 +188,7 @@ mod tests {
     }
 
     fn class(readings: &[(u64, u32)]) -> Class {
-        let of = |&(us, position): &(u64, u32)| Reading { at: us * 1_000, bytes: 0, position: Some(position) };
+        let of = |&(us, position): &(u64, u32)| Reading::at(us * 1_000, 0, Some(position));
         Class::of(&sound(), &readings.iter().map(of).collect::<Vec<_>>(), &[])
     }
 
