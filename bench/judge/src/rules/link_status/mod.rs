@@ -56,9 +56,6 @@ const INSTANTS: u64 = 30_000;
 
 const AGE_UNIT: u64 = 100_000;
 
-/// The claims of Link-Status that the link is well. Each other claim reports a fault.
-const WELL: [&str; 3] = ["the link up", "all accepted", "in sequence"];
-
 /// The tolerance, ns, of the second in which Link-Status reports a restart of HORUS: the time of a commit and the
 /// errors of the crystals.
 const RESTART_BAND: u64 = 2_000_000;
@@ -435,19 +432,21 @@ impl LinkStatus {
         };
         // After a long silence the DPR cannot tell whether the sender is silent or its own front end fails.
         let front_end = if context.expectation().is_silent(published) { Certainty::May } else { Certainty::Never };
+        // Each claim of the status: its words; whether it says that the link is well, and not that something fails;
+        // what the status says; what the image shows; what is true.
         let claims = [
-            ("the link up", status.link_up(), self.objects_shown(reading, false), expected[0]),
-            ("all accepted", status.all_accepted(), self.objects_shown(reading, true), expected[1]),
-            ("HORUS frozen", status.horus_frozen(), None, snapshot.frozen),
-            ("HORUS restarted", status.horus_restarted(), None, restarted),
-            ("a RAM fault", status.ram_fault(), None, fault(Excuse::RamFault)),
-            ("a front end fault", status.front_end_fault(), None, front_end),
-            ("in sequence", !status.out_of_sequence(), None, held),
-            ("HORUS's clock implausible", status.horus_clock_implausible(), None, implausible),
-            ("a flash fault", status.flash_fault(), None, fault(Excuse::FlashFault)),
-            ("no field", status.no_field(), None, no_field),
+            ("the link up", true, status.link_up(), self.objects_shown(reading, false), expected[0]),
+            ("all accepted", true, status.all_accepted(), self.objects_shown(reading, true), expected[1]),
+            ("HORUS frozen", false, status.horus_frozen(), None, snapshot.frozen),
+            ("HORUS restarted", false, status.horus_restarted(), None, restarted),
+            ("a RAM fault", false, status.ram_fault(), None, fault(Excuse::RamFault)),
+            ("a front end fault", false, status.front_end_fault(), None, front_end),
+            ("in sequence", true, !status.out_of_sequence(), None, held),
+            ("HORUS's clock implausible", false, status.horus_clock_implausible(), None, implausible),
+            ("a flash fault", false, status.flash_fault(), None, fault(Excuse::FlashFault)),
+            ("no field", false, status.no_field(), None, no_field),
         ];
-        let is_wrong = |(_, said, shown, truth): &&(&str, bool, Option<bool>, Certainty)| {
+        let is_wrong = |(_, _, said, shown, truth): &&(&str, bool, bool, Option<bool>, Certainty)| {
             let against = |truth: bool| truth != *said;
             let truth = match truth {
                 Certainty::Must => against(true),
@@ -457,7 +456,7 @@ impl LinkStatus {
             truth && shown.is_none_or(against)
         };
         // The link looks better than it is if what is well is claimed wrongly, or if a fault is denied wrongly.
-        let better = claims.iter().find(|claim| is_wrong(claim) && WELL.contains(&claim.0) == claim.1);
+        let better = claims.iter().find(|claim| is_wrong(claim) && claim.1 == claim.2);
         let (violation, (words, ..)) = match better {
             Some(claim) => (Violation::LinkFlags, claim),
             None => (Violation::LinkFlagsOver, claims.iter().find(is_wrong)?),
@@ -562,9 +561,11 @@ fn compare_age(told: u16, snapshot: &Snapshot, published: u64) -> Ordering {
         }
     };
     let mut ages = snapshot.samples.iter().map(compare);
-    match () {
-        () if snapshot.none && told == u16::MAX || ages.clone().any(Ordering::is_eq) => Ordering::Equal,
-        () if !snapshot.samples.is_empty() && ages.all(Ordering::is_gt) => Ordering::Greater,
-        () => Ordering::Less,
+    if snapshot.none && told == u16::MAX || ages.clone().any(Ordering::is_eq) {
+        Ordering::Equal
+    } else if !snapshot.samples.is_empty() && ages.all(Ordering::is_gt) {
+        Ordering::Greater
+    } else {
+        Ordering::Less
     }
 }
