@@ -1,9 +1,9 @@
 //! Campaigns of faults on copies of the running link.
 
 use bench::campaign::{self, Class, Counts, Options, Scope, Shard};
-use bench::faults::Kind;
+use bench::faults::{Kind, RECEIVED};
 use bench::sim::{Images, Setup};
-use emulator_node::Clock;
+use emulator_node::{Clock, Firmware};
 
 use crate::boards::image;
 
@@ -12,6 +12,16 @@ fn campaign(kinds: &[Kind], cycles: u64) -> Option<(Setup, Options)> {
     let setup = Setup { writes: true, ..Setup::new(images, 3, 0) };
     let scope = Scope { kinds: kinds.to_vec(), seed: 1, gps: 3, clock: Clock::Fast, bit_error: 1e-4, seconds: 1 };
     Some((setup, Options { scope, cycles, jobs: 2, shard: Shard::WHOLE }))
+}
+
+#[test]
+fn each_variable_into_which_a_board_receives_is_in_its_image() {
+    let Some((horus, dpr)) = image(3, "horus-tx-fw.elf").zip(image(3, "dpr-fw.elf")) else { return };
+    let images = [horus, dpr].map(|path| Firmware::read(&path).unwrap());
+    for name in RECEIVED {
+        let sizes = images.iter().filter_map(|image| image.variable_called(name)).map(|variable| variable.size);
+        assert!(sizes.sum::<u64>() >= 200, "{name}");
+    }
 }
 
 #[test]

@@ -72,7 +72,7 @@ pub use rng::Rng;
 pub use st25r3916_model::AirFaults;
 pub use state_inputs::InputFault;
 use stm32f429::Stm32f429;
-pub use upset::{Targets, Upset};
+pub use upset::{RECEIVED, Targets, Upset};
 pub use wires::{WireFault, Wires};
 
 /// A fault. It lasts as long as its [`Episode`], or it occurs once, at the episode's beginning.

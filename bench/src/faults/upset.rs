@@ -236,8 +236,8 @@ impl std::fmt::Display for Upset {
     }
 }
 
-/// The variables into which the boards receive.
-const RECEIVED: [&str; 4] = ["__rtic_internal_local_init_receive", "buffers::RINGS", "spi::IN", "ddc::BYTES"];
+/// The variables into which the boards receive, as [`Firmware::variable_called`] takes their names.
+pub const RECEIVED: [&str; 4] = ["__rtic_internal_local_init_receive", "buffers::RINGS", "spi::IN", "ddc::BYTES"];
 
 fn is_received(firmware: &Firmware, address: u32) -> bool {
     let variables = RECEIVED.iter().filter_map(|name| firmware.variable_called(name));
