@@ -67,8 +67,8 @@ impl<T> Checked<T> {
         Some(self.change_verified(change))
     }
 
-    /// Changes the state by `change` as [`Checked::change`] does, but without verifying it: the caller has just asked
-    /// [`Checked::is_intact`].
+    /// Changes the state by `change` as [`Checked::change`] does, but without verifying it: a bit that has flipped
+    /// since the last [`Checked::is_intact`] is not found any more.
     pub fn change_verified<R>(&mut self, change: impl FnOnce(&mut T) -> R) -> R {
         let result = change(&mut self.state);
         self.check = self.sum();

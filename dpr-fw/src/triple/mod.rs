@@ -128,10 +128,10 @@ pub(crate) fn keep<B>(outcome: Outcome<B>) -> (Clean<B>, Scrubbed) {
 /// The buffers that wait for a task, first the one that has waited longest. There is no index that a flipped bit could
 /// move: a place is empty if the address in it is 0.
 #[derive(Debug)]
-pub(crate) struct Waiting<T, const N: usize>([Option<T>; N]);
+struct Waiting<T, const N: usize>([Option<T>; N]);
 
 impl<T, const N: usize> Waiting<T, N> {
-    pub(crate) const NONE: Self = Self([const { None }; N]);
+    const NONE: Self = Self([const { None }; N]);
 
     /// Adds a buffer behind those that wait.
     ///
@@ -139,7 +139,7 @@ impl<T, const N: usize> Waiting<T, N> {
     ///
     /// Every place is taken. This cannot happen without a flipped bit, because each queue has room for all buffers that
     /// can be in it.
-    pub(crate) fn push(&mut self, item: T) {
+    fn push(&mut self, item: T) {
         // Not covered: only this line, in queues in which fewer buffers ever wait than there are places, since one is
         // written and one is read.
         let place = self.0.iter_mut().find(|place| place.is_none());
@@ -147,7 +147,7 @@ impl<T, const N: usize> Waiting<T, N> {
         *place.expect("each buffer has a place") = Some(item);
     }
 
-    pub(crate) fn pop(&mut self) -> Option<T> {
+    fn pop(&mut self) -> Option<T> {
         let first = self.0.first_mut()?.take();
         for place in 1..N {
             // Not covered: only this line, in the queues of which `push` explains that few buffers wait.

@@ -154,7 +154,7 @@ impl<B: Memory> Filling<B> {
     ///
     /// # Panics
     ///
-    /// A bit of the buffer's address has flipped. So do the other functions that return or scrub the memory.
+    /// A bit of the buffer's address has flipped. [`Received::memory`] and [`Dirty::scrub`] panic likewise.
     pub fn memory(&mut self) -> &mut B {
         self.0.get_mut()
     }
