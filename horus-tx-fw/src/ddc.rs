@@ -307,7 +307,7 @@ impl Ddc {
                 }
             },
             State::Writing(Phase::Select(len), _) if events.byte_sent => self.start(Phase::Waiting(len)),
-            // Not covered: likewise.
+            // Not covered: the state without a message, as in `message_byte`.
             State::Writing(Phase::Message, sent) if events.byte_sent => match self.message_byte(sent) {
                 Some(byte) => {
                     self.state = State::Writing(Phase::Message, sent + 1);

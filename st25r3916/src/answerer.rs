@@ -267,7 +267,7 @@ impl Answerer {
     fn listen(&mut self, input: Input<'_>) -> Step<AnswererEvent> {
         let step = self.listener.step(input);
         self.state = AnswererState::Listening;
-        // Not covered: events that do not come at the place where such a copy of this is.
+        // Not covered: the copies of this match for events that its caller cannot have there.
         step.map(|event| {
             Step::Event(match event {
                 ListenerEvent::Listening => AnswererEvent::Listening,

@@ -325,7 +325,7 @@ impl Exchange {
     }
 
     fn poll(&mut self, step: Step<PollerEvent>) -> Step<ExchangeEvent> {
-        // Not covered: events that do not come at the place where such a copy of this is: a fault has no other.
+        // Not covered: the copies of this match for events that its caller cannot have there: a fault has no other.
         step.map(|event| match event {
             PollerEvent::Ready => Step::Event(ExchangeEvent::Ready),
             PollerEvent::Prepared => Step::Event(ExchangeEvent::Prepared),

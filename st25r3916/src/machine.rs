@@ -114,7 +114,7 @@ impl<E> Step<E> {
     /// Converts a step of one machine to a step of another. The function `event` converts the event, if the step has
     /// one.
     pub(crate) fn map<F>(self, event: impl FnOnce(E) -> Step<F>) -> Step<F> {
-        // Not covered: steps that do not come at the place where such a copy of this is.
+        // Not covered: the copies of this match for steps that its caller cannot have there.
         match self {
             Self::Transfer(transfer) => Step::Transfer(transfer),
             Self::Wait { us } => Step::Wait { us },

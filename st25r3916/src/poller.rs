@@ -354,7 +354,7 @@ impl Poller {
     }
 
     fn progress(&mut self, progress: Progress) -> Step<PollerEvent> {
-        // Not covered: a copy for the beginning of a bring-up, which is a transfer.
+        // Not covered: an event at the beginning of a bring-up, which always begins with a transfer.
         match progress {
             Progress::Transfer(short) => Step::Transfer(Transfer::Short(short)),
             Progress::Wait(us) => Step::Wait { us },

@@ -150,7 +150,7 @@ impl<T, const N: usize> Waiting<T, N> {
     fn pop(&mut self) -> Option<T> {
         let first = self.0.first_mut()?.take();
         for place in 1..N {
-            // Not covered: only this line, in the queues of which `push` explains that few buffers wait.
+            // Not covered: only this line, a second waiting buffer, which some queues never have (see `push`).
             if self.0[place].is_some() {
                 // Not covered: only this line, as above.
                 self.0[place - 1] = self.0[place].take();

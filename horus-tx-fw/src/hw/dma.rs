@@ -99,7 +99,7 @@ const fn flag_shift(stream: Stream) -> u32 {
 }
 
 pub(super) fn flags(stream: Stream) -> Flags {
-    // Not covered: likewise.
+    // Not covered: the copies for streams of the other controller.
     let dma = controller(stream.dma);
     // Not covered: the register of streams that the caller does not have.
     let word = if stream.number < 4 { dma.lisr().read().bits() } else { dma.hisr().read().bits() };

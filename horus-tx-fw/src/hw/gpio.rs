@@ -94,7 +94,7 @@ pub(super) fn alternate(alternate: AlternatePin, speed: Speed, pull: Pull) {
             port.afrh().modify(|r, w| w.bits(with_field(r.bits(), pin.number - 8, 4, function)));
         }
     }
-    // Not covered: such copies.
+    // Not covered: the copies that the compiler makes of this function for other ports.
     configure(pin, ALTERNATE, speed, pull);
 }
 
@@ -122,7 +122,7 @@ pub(super) fn drive(pin: Pin) {
 
 /// Gives a pin back to its peripheral. Only the tasks of the receivers' sources may call this.
 pub(super) fn connect(pin: Pin) {
-    // Not covered: such copies.
+    // Not covered: the copies that the compiler makes of this function for other ports.
     set_mode(pin, ALTERNATE);
 }
 

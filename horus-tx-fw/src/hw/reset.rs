@@ -42,7 +42,7 @@ pub fn note_reason() -> ResetReason {
         magic.store(MAGIC, Ordering::Relaxed);
         count.store(0, Ordering::Relaxed);
     }
-    // Not covered: likewise.
+    // Not covered: a reset by another cause than the watchdog, as above.
     if reason == ResetReason::Watchdog {
         count.fetch_add(1, Ordering::Relaxed);
     }

@@ -70,11 +70,11 @@ impl SpiSource {
         (port.enable)(rcc);
         // Not covered: copies for other ports, as in `hw/gpio.rs`.
         gpio::output(port.chip_select, Speed::Low, true);
-        // Not covered: such copies.
+        // Not covered: the copies that the compiler makes of this function for other ports.
         gpio::alternate(port.sck, Speed::VeryHigh, Pull::None);
         // Without a receiver, the pull-up makes the SPI line read like that of a receiver without data.
         gpio::alternate(port.miso, Speed::Low, Pull::Up);
-        // Not covered: such copies.
+        // Not covered: the copies that the compiler makes of this function for other ports.
         gpio::alternate(port.mosi, Speed::Low, Pull::None);
         let steps = Steps::new(&port.timer, rcc);
         let source = Self {
@@ -219,7 +219,7 @@ impl SpiSource {
         }
         // Not covered: a second copy of this, for an error.
         dma::clear_flags(self.port.stream_in);
-        // Not covered: likewise.
+        // Not covered: the copy for an error.
         dma::clear_flags(self.port.stream_out);
         // Not covered: an error, as above, and the end of a transfer that has not begun.
         let order = if has_error {
