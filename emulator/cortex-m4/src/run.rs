@@ -262,7 +262,7 @@ impl<C: Cost> Core<C> {
                 let stop = if it == 0 { page.end() } else { 0 };
                 // Executes up to a taken branch, an IT block or `stop`.
                 loop {
-                    let began = self.cycle;
+                    let (own, began) = (pc, self.cycle);
                     let next = pc.wrapping_add(u32::from(op.size));
                     let flow = match self.execute(bus, op, next) {
                         Ok(flow) => flow,
@@ -274,6 +274,9 @@ impl<C: Cost> Core<C> {
                     pc = if let Flow::To(target) = flow { target } else { next };
                     self.complete(op, pc, began);
                     if !matches!(flow, Flow::On) || pc >= stop || self.cycle >= self.limit {
+                        if pc == own {
+                            self.cycle = self.repeat(op, self.cycle);
+                        }
                         break;
                     }
                     op = page.op(pc);
@@ -313,7 +316,10 @@ impl<C: Cost> Core<C> {
             match self.execute(bus, op, pc) {
                 Ok(Flow::On) => {}
                 Ok(Flow::To(target)) => {
-                    let cycle = self.cycle_at(pc);
+                    let mut cycle = self.cycle_at(pc);
+                    if target == self.r[15] {
+                        cycle = self.repeat(op, cycle);
+                    }
                     self.count_from(target, cycle);
                     self.stop_before_limit(page, target, cycle);
                     if it != 0 || !page.holds(target) {
@@ -348,6 +354,23 @@ impl<C: Cost> Core<C> {
                 return;
             }
         }
+    }
+
+    /// Returns the cycle at which `op`, which went to itself until `cycle`, has been repeated up to the limit, and counts
+    /// the repetitions. A 16-bit `b .` changes nothing and needs no further word of code, so each repetition takes as
+    /// long, except on the pessimistic clock, where a taken branch fetches the word again. Nothing is repeated that
+    /// neither an event nor the caller ends.
+    #[cold]
+    #[inline(never)]
+    fn repeat(&mut self, op: &Op, cycle: u64) -> u64 {
+        let is_steady = matches!(op.what, Do::B { .. }) && op.size == 2 && C::BOUND != Some(Bound::Worst);
+        if !is_steady || self.limit == u64::MAX {
+            return cycle;
+        }
+        let length = cost::<C>(op) + C::REFILL;
+        let times = self.limit.saturating_sub(cycle).div_ceil(length);
+        self.retired = self.retired.wrapping_add(times);
+        cycle + times * length
     }
 
     /// Prepares the next instruction in or behind an IT block on the fast clock, after those whose condition fails.

@@ -89,3 +89,28 @@ fn a_run_that_ends_anywhere_is_where_single_steps_come_to() {
     each_end_is_a_boundary::<Optimistic>(1);
     each_end_is_a_boundary::<Pessimistic>(2);
 }
+
+#[test]
+fn a_branch_to_itself_is_where_as_many_single_steps_come_to() {
+    fn check<C: Cost>(waits: u32) {
+        // The branch is at a multiple of 4, behind it, or in an IT block (it al) after some cycles.
+        for code in [&[0xE7FE][..], &[0xBF00, 0xE7FE], &[0x2101, 0xBFE8, 0xE7FE]] {
+            let mut run = Rig::<C>::with_clock(code);
+            run.board.waits = waits;
+            let mut stepped = run.clone();
+            for (until, due) in [(300, u64::MAX), (1_000, 777), (1_001, u64::MAX)] {
+                run.board.due = due;
+                assert_eq!(run.core.run(&mut run.board, until), Exit::Until);
+                stepped.board.due = due;
+                while stepped.core.cycle() < until {
+                    stepped.steps(1);
+                }
+                assert_eq!(state(&run), state(&stepped), "{} with {waits} to {until}: {code:x?}", C::NAME);
+                assert_eq!(run.board.advanced, stepped.board.advanced);
+            }
+        }
+    }
+    check::<Fast>(0);
+    check::<Optimistic>(0);
+    check::<Pessimistic>(2);
+}
