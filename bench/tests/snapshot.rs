@@ -3,8 +3,9 @@
 
 use crate::boards;
 
-use bench::faults::{AirFaults, Faults};
-use bench::sim::{Bench, Images, Setup};
+use bench::faults::{AirFaults, Fault, Faults};
+use bench::sim::{AHEAD_NS, Bench, Images, Setup};
+use bench_judge::Event;
 use boards::image;
 use cortex_m4::{Cost, Fast, Pessimistic};
 use emulator_node::Threads;
@@ -88,4 +89,32 @@ fn copies_of_one_instant_give_the_same_outcome() {
     };
     assert_eq!(run(first, END), run(second, END));
     assert_ne!(run(third, END - 10 * MS).1, run(original, END).1);
+}
+
+#[test]
+fn copies_behind_a_shared_horus_read_what_they_read_behind_their_own() {
+    let Some(setup) = setup() else { return };
+    let mut base = Bench::<Fast>::new(&setup).unwrap();
+    base.run_to(INSTANTS[2] + 123_457, Threads::One);
+    base.keep_log();
+    let horus = base.share_horus();
+    for seed in [1, 2] {
+        let mut copy = base.clone();
+        let lost = Fault::Air(AirFaults { bit_error: 1e-3, lost: 0.1 * seed as f64, ..AirFaults::default() });
+        copy.add_faults(&Faults::none().with(base.now() + AHEAD_NS, END - 20 * MS, lost));
+        let mut own = copy.clone();
+        own.run_to(END, Threads::Two);
+        copy.run_behind(&horus);
+        copy.run_to(END - 33 * MS, Threads::One);
+        copy.run_to(END, Threads::One);
+        assert_eq!(copy.dpr().digest(), own.dpr().digest());
+        let judged = [copy, own].map(|bench| {
+            let finished = bench.finish(END);
+            // HORUS's counters and load at the end are those of the instant at which it was shared.
+            let events: Vec<Event> = finished.log.events.into_iter().filter(|event| event.at < END).collect();
+            assert!(events.len() > 200);
+            (events, finished.verdict.violations)
+        });
+        assert_eq!(judged[0], judged[1]);
+    }
 }

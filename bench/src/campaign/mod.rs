@@ -121,7 +121,7 @@ fn trials_on<C: Cost>(
     done: &(dyn Fn(u64) + Sync),
 ) -> Result<Vec<Trial>, Error> {
     plans.sort_by_key(|plan| (plan.at, plan.number));
-    let last = plans.iter().map(|plan| plan.at + plan.cycles * CYCLE).max().unwrap_or(0);
+    let last = plans.iter().map(|plan| plan.end).max().unwrap_or(0);
     let setup = Setup {
         faults: Faults::none(),
         duration_ns: EARLIEST + options.scope.seconds * 1_000_000_000 + trial::LONGEST,
@@ -138,10 +138,21 @@ fn trials_on<C: Cost>(
         base.set_records(records);
     }
     // The iterator creates the copies in the order of their instants and on one thread, because a bench cannot go back
-    // in time.
+    // in time. All copies of one instant in which nothing happens to HORUS share one HORUS. A trial that is repeated
+    // alone has its own, so a difference would show.
+    let alone = plans.len() == 1;
+    let mut shared = (0, base.share_horus());
     let begun = plans.into_iter().map(|plan| {
         base.run_to(plan.at, Threads::One);
-        plan.begin(base.clone())
+        let at = plan.at;
+        let mut begun = plan.begin(base.clone());
+        if !alone && !begun.disturbs_horus() {
+            if shared.0 != at {
+                shared = (at, base.share_horus());
+            }
+            begun.run_behind(&shared.1);
+        }
+        begun
     });
     let run = |begun: Begun<C>| {
         let trial = begun.run(&reference);

@@ -8,10 +8,12 @@ use super::class::{self, Class, Reading};
 use super::scope::Scope;
 use crate::faults::plan::LENGTH;
 use crate::faults::{AirFaults, Fault, Faults, Kind, Rng, Upset, name_of};
-use crate::sim::Bench;
+use crate::sim::{Bench, SharedHorus};
 
 /// The length of a cycle of HORUS, virtual ns.
 pub const CYCLE: u64 = 10_000_000;
+
+const MILLISECOND: u64 = 1_000_000;
 
 /// The number of trials whose faults begin at one instant. The bench reaches that instant once, and is copied for each
 /// of these trials.
@@ -55,8 +57,9 @@ pub struct Plan {
     pub board: Option<Board>,
     /// The instant, virtual ns, at which the bench is copied and the first fault begins.
     pub at: u64,
-    /// The number of cycles of HORUS that the trial runs. The trial is longer if there is no position at the end.
-    pub cycles: u64,
+    /// The planned end of the trial, virtual ns, a multiple of a millisecond. The trial is longer if there is no
+    /// position then.
+    pub end: u64,
     faults: Faults,
     rng: Rng,
 }
@@ -68,7 +71,7 @@ impl Plan {
         let plans = (1..).map(|number| Self::new(scope, number));
         plans.map_while(move |plan| {
             let goes_on = left > 0;
-            left = left.saturating_sub(plan.cycles);
+            left = left.saturating_sub(plan.cycles());
             goes_on.then_some(plan)
         })
     }
@@ -98,8 +101,14 @@ impl Plan {
             Kind::Bits | Kind::Spi | Kind::Drift | Kind::FlightController => AFTER_LINE,
             _ => AFTER_FAULT,
         };
-        let cycles = (over + after - at).div_ceil(CYCLE);
-        Self { number, kind, board: kind.is_upset().then_some(board), at, cycles, faults, rng }
+        let end = (over + after).next_multiple_of(MILLISECOND);
+        Self { number, kind, board: kind.is_upset().then_some(board), at, end, faults, rng }
+    }
+
+    /// The number of cycles of HORUS up to the planned end.
+    #[must_use]
+    pub fn cycles(&self) -> u64 {
+        (self.end - self.at).div_ceil(CYCLE)
     }
 
     /// The name of the trial's row in a table: the kind of fault and, for an upset, the board.
@@ -139,16 +148,25 @@ pub(super) struct Begun<C: Cost> {
 }
 
 impl<C: Cost> Begun<C> {
+    /// Whether the fault disturbs HORUS or what is beside it. In all other trials of one instant HORUS does the same.
+    pub(super) fn disturbs_horus(&self) -> bool {
+        self.plan.faults.timeline(true).next_at() != u64::MAX
+    }
+
+    /// Lets `horus` run in place of this trial's own HORUS.
+    pub(super) fn run_behind(&mut self, horus: &SharedHorus<C>) {
+        self.bench.run_behind(horus);
+    }
+
     /// Runs the trial to its end. `reference` has the readings of the run without a fault.
     pub(super) fn run(self, reference: &[Reading]) -> Trial {
         let Self { plan, words, mut bench } = self;
-        let planned = plan.at + plan.cycles * CYCLE;
-        let mut end = planned;
+        let mut end = plan.end;
         let mut seen = Seen::default();
         loop {
             bench.run_to(end, Threads::One);
             seen.take(&bench.take_log());
-            if class::flies(&seen.readings) || end >= planned + EXTENSION {
+            if class::flies(&seen.readings) || end >= plan.end + EXTENSION {
                 break;
             }
             end += STEP;
@@ -240,7 +258,7 @@ mod tests {
         assert!(long.len() > 5 * short.len());
         assert_eq!(short, long[..short.len()]);
         assert_eq!(short, (1..=short.len() as u64).map(|number| Plan::new(&scope, number)).collect::<Vec<_>>());
-        let cycles = |plans: &[Plan]| plans.iter().map(|plan| plan.cycles).sum::<u64>();
+        let cycles = |plans: &[Plan]| plans.iter().map(Plan::cycles).sum::<u64>();
         assert!(cycles(&short) >= 3_000 && cycles(&short[..short.len() - 1]) < 3_000);
     }
 
@@ -255,12 +273,11 @@ mod tests {
     fn faults_begin_at_the_copy_and_end_before_the_trial_does() {
         let kinds: Vec<Kind> = Kind::ALL.into_iter().filter(|kind| !kind.needs_hold()).collect();
         for plan in Plan::all(&scope(&kinds), 30_000) {
-            let end = plan.at + plan.cycles * CYCLE;
             assert!((super::super::EARLIEST..=20_500_000_000).contains(&plan.at), "{plan:?}");
-            assert!(plan.cycles * CYCLE + EXTENSION <= LONGEST, "{plan:?}");
+            assert!(plan.end - plan.at + EXTENSION <= LONGEST, "{plan:?}");
             assert_eq!(plan.faults.episodes().is_empty(), plan.kind.is_upset(), "{plan:?}");
             assert!(plan.faults.episodes().first().is_none_or(|first| first.at == plan.at), "{plan:?}");
-            assert!(plan.faults.episodes().iter().all(|it| it.until + AFTER_LINE <= end), "{plan:?}");
+            assert!(plan.faults.episodes().iter().all(|it| it.until + AFTER_LINE <= plan.end), "{plan:?}");
         }
     }
 

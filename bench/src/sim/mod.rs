@@ -30,7 +30,7 @@ mod upstream;
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use bench_judge::{Event, Findings, Header, Log, LogWriter, Verdict};
 use cortex_m4::{Cost, Fast};
@@ -53,7 +53,7 @@ use crate::world::flight_controller::{self, Schedule};
 use crate::world::{BaseStation, FlightController};
 pub use debugged::Debugged;
 use downstream::{Ended, Link, Surroundings};
-use emulator_node::{self as node, Board, Clock, Firmware, Node, Relay, Threads};
+use emulator_node::{self as node, Board, Clock, Firmware, Leader, Node, Relay, Threads};
 use hold::Beside;
 use phases::{Phase, Sweep, Sweeping};
 use upstream::Receivers;
@@ -316,7 +316,14 @@ pub enum Error {
 #[derive(Clone, Debug)]
 pub struct Bench<C: Cost = Fast> {
     relay: Relay<Horus, Dpr, Receivers, Link<C>, C>,
+    /// The HORUS that runs in place of this bench's own, and the number of its reports that this bench has heard.
+    behind: Option<(SharedHorus<C>, usize)>,
 }
+
+/// HORUS's board with its surroundings at one instant, which runs on once for several copies of a bench
+/// ([`Bench::run_behind`]).
+#[derive(Clone, Debug)]
+pub struct SharedHorus<C: Cost = Fast>(Arc<Mutex<Leader<Horus, Receivers, C>>>);
 
 /// The outcome of a finished [`Bench`].
 #[derive(Debug)]
@@ -421,7 +428,7 @@ impl<C: Cost> Bench<C> {
         b.input(|part, _, _| part.wire_spis(boards::SSI));
         let upstream = Receivers::new(receivers, config.layout(), &setup.faults, setup.seed);
         let relay = Relay { a, b, upstream, downstream: Link::new(surroundings, &setup.faults) };
-        Ok(Self { relay })
+        Ok(Self { relay, behind: None })
     }
 
     /// Keeps the event log from now on, for [`Finished::log`].
@@ -445,10 +452,28 @@ impl<C: Cost> Bench<C> {
         threads: Threads,
         mut each: impl FnMut(u64, &mut Node<Dpr, C>, &mut Link<C>) -> Result<(), E>,
     ) -> Result<(), E> {
-        self.relay.run(end, STEP, threads, |reached, dpr, link| {
+        let each = |reached, dpr: &mut Node<Dpr, C>, link: &mut Link<C>| {
             link.come_to(reached, dpr);
             each(reached, dpr, link)
-        })
+        };
+        match &mut self.behind {
+            None => self.relay.run(end, STEP, threads, each),
+            Some((horus, heard)) => self.relay.run_behind(&horus.0, heard, (end, STEP), each),
+        }
+    }
+
+    /// Returns HORUS's board as it is now, for copies of this bench in which nothing else happens to HORUS.
+    #[must_use]
+    pub fn share_horus(&self) -> SharedHorus<C> {
+        let Relay { a, upstream, .. } = &self.relay;
+        SharedHorus(Arc::new(Mutex::new(Leader::new(a.clone(), upstream.clone()))))
+    }
+
+    /// Lets `horus`, which was made at this instant, run from now on in place of the bench's own HORUS. That one stands
+    /// still, and its counters and its load at the end of the run are those of now. Nothing passes back to HORUS, so the
+    /// run is otherwise the same; it has to end at a multiple of a millisecond.
+    pub fn run_behind(&mut self, horus: &SharedHorus<C>) {
+        self.behind = Some((horus.clone(), 0));
     }
 
     fn trace(&mut self, path: &Path) -> Result<Trace, trace::Error> {

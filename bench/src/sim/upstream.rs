@@ -202,7 +202,7 @@ fn at_rate(frames: Vec<UartFrame>, baud: u32) -> Vec<UartFrame> {
 const ON_THE_WAY: u64 = 100_000;
 
 /// The results of HORUS's side of the simulation, for the DPR's side, which is simulated later.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Notes {
     pub(super) lines: Vec<LogLine>,
     pub(super) events: Vec<Event>,

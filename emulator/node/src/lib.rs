@@ -81,7 +81,7 @@ pub use hold::{Halt, Resume};
 pub use leads::{Connected, Drive, DrivenEdge, Leads, PinEdge, Sending, SentByte};
 pub use pair::{Between, Lookahead, Nothing, Pair, Sent};
 pub use probe::PROBE_PERIOD;
-pub use relay::{Course, Downstream, Relay, Threads, Upstream, Way};
+pub use relay::{Course, Downstream, Leader, Relay, Threads, Upstream, Way};
 pub use reset::{FromOutside, ResetAt};
 pub use rtt::{LogLevel, LogLine};
 pub use run::Running;

@@ -9,7 +9,7 @@
 //! the second in a [`Downstream`] (a flight controller).
 
 use std::collections::VecDeque;
-use std::sync::mpsc;
+use std::sync::{Mutex, mpsc};
 
 use cortex_m4::{Cost, Fast};
 
@@ -92,13 +92,12 @@ pub enum Threads {
 }
 
 /// The report of the first board about one piece of time.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Interval<M, N> {
     sent: Vec<(u64, M)>,
     notes: N,
     /// The instant before which the board has sent all its messages.
     reached: u64,
-    ended: bool,
 }
 
 /// Two boards and their surroundings. Between two runs no message is on the way, so a clone is complete.
@@ -143,7 +142,7 @@ where
                 std::thread::scope(|threads| {
                     threads.spawn(move || {
                         while let Some(told) = lead.piece(a, upstream, end) {
-                            let ended = told.ended;
+                            let ended = told.reached >= end;
                             if tell.send(told).is_err() || ended {
                                 return;
                             }
@@ -156,6 +155,37 @@ where
         }
     }
 
+    /// Runs the second board to `end` (virtual ns), as [`Relay::run`] does, behind `leader` in place of the first board,
+    /// which stands still. `heard` is the number of the leader's reports that this relay has heard: 0 where the leader
+    /// was made, and what the last call left afterwards.
+    ///
+    /// # Errors
+    ///
+    /// Returns the error of `each`. Such an error ends the run.
+    ///
+    /// # Panics
+    ///
+    /// Panics unless `end` is a multiple of a millisecond. The leader's reports end there, whatever relay is behind it.
+    pub fn run_behind<E>(
+        &mut self,
+        leader: &Mutex<Leader<A, U, C>>,
+        heard: &mut usize,
+        (end, step): (u64, u64),
+        each: impl FnMut(u64, &mut Node<B, C>, &mut D) -> Result<(), E>,
+    ) -> Result<(), E>
+    where
+        U::Message: Clone,
+        U::Notes: Clone,
+    {
+        assert!(end.is_multiple_of(PIECE), "a run behind a leader ends at a multiple of a millisecond");
+        let tell = || {
+            let told = leader.lock().expect("no relay behind the leader has panicked").report(*heard)?;
+            *heard += 1;
+            Some(told)
+        };
+        follow(&mut self.b, &mut self.downstream, end, step, tell, each)
+    }
+
     /// Runs both boards along `course`, on the caller's thread, to the end of its next step or to the halt of a board
     /// by its debugger ([`Node::halted`]). After a halt both boards stand still, and the next call continues when the
     /// halted board has been resumed. Halts do not change the results.
@@ -163,6 +193,37 @@ where
         let Self { a, b, upstream, downstream } = self;
         let Course { lead, follower, end, step } = course;
         follower.step(b, downstream, *end, *step, || lead.piece(a, upstream, *end))
+    }
+}
+
+/// The first board of a [`Relay`] with its surroundings, which runs once for all clones of that relay whose first boards
+/// would do the same ([`Relay::run_behind`]).
+#[derive(Debug)]
+pub struct Leader<A: Board, U: Upstream<A, C>, C: Cost = Fast> {
+    node: Node<A, C>,
+    upstream: U,
+    lead: Lead<U::Message>,
+    told: Vec<Interval<U::Message, U::Notes>>,
+}
+
+impl<A: Board, U: Upstream<A, C>, C: Cost> Leader<A, U, C> {
+    /// Makes a leader of the first board of a relay and what is beside it.
+    #[must_use]
+    pub fn new(node: Node<A, C>, upstream: U) -> Self {
+        Self { node, upstream, lead: Lead { sent: Vec::new(), to: None }, told: vec![] }
+    }
+
+    /// Returns the report `index` of the board, and runs the board that far if no relay has heard it yet. Returns
+    /// `None` if the board's debugger halted it.
+    fn report(&mut self, index: usize) -> Option<Interval<U::Message, U::Notes>>
+    where
+        U::Message: Clone,
+        U::Notes: Clone,
+    {
+        while self.told.len() <= index {
+            self.told.push(self.lead.piece(&mut self.node, &mut self.upstream, u64::MAX)?);
+        }
+        self.told.get(index).cloned()
     }
 }
 
@@ -228,7 +289,7 @@ impl<M> Lead<M> {
             } else if now >= to {
                 self.to = None;
                 let sent = std::mem::take(&mut self.sent);
-                return Some(Interval { sent, notes: upstream.notes(node), reached: now, ended: now >= end });
+                return Some(Interval { sent, notes: upstream.notes(node), reached: now });
             } else {
                 node.advance(to.min(next));
             }
@@ -259,13 +320,12 @@ struct Follower<M> {
     on_the_way: VecDeque<(u64, M)>,
     /// The instant up to which the first board's reports have been received.
     reached: u64,
-    ended: bool,
     at: u64,
 }
 
 impl<M> Follower<M> {
     fn new(at: u64) -> Self {
-        Self { on_the_way: VecDeque::new(), reached: 0, ended: false, at }
+        Self { on_the_way: VecDeque::new(), reached: 0, at }
     }
 
     /// Runs the second board to the end of its next step. `tell` returns the next report of the first board, or `None`
@@ -297,7 +357,7 @@ impl<M> Follower<M> {
             }
             let piece = (now / PIECE + 1) * PIECE;
             let left = (piece + HEARD_AHEAD).min(end);
-            while self.reached < left && !self.ended {
+            while self.reached < left {
                 let Some(told) = tell() else { return Way::Halted };
                 self.hear(told, downstream);
             }
@@ -312,7 +372,7 @@ impl<M> Follower<M> {
         }
         if to == end {
             // At the end of the step all remaining reports are taken, and messages for later instants are delivered.
-            while !self.ended {
+            while self.reached < end {
                 let Some(told) = tell() else { return Way::Halted };
                 self.hear(told, downstream);
             }
@@ -332,6 +392,6 @@ impl<M> Follower<M> {
     ) {
         self.on_the_way.extend(told.sent);
         downstream.noted(told.notes);
-        (self.reached, self.ended) = (told.reached, told.ended);
+        self.reached = told.reached;
     }
 }

@@ -3,8 +3,9 @@
 use crate::{player, thumb};
 
 use std::collections::VecDeque;
+use std::sync::Mutex;
 
-use emulator_node::{Between, Downstream, FindingKind, Lookahead, Node, Pair, Relay, Sent, Threads, Upstream};
+use emulator_node::{Between, Downstream, FindingKind, Leader, Lookahead, Node, Pair, Relay, Sent, Threads, Upstream};
 use player::{IN, Player};
 use thumb::{COUNTER, EXTI, GPIOD, HANDLER, MAIN, TIM2, Thumb, firmware};
 
@@ -28,7 +29,7 @@ fn counter() -> Node<Player> {
 }
 
 /// The surroundings of the first board, which send the edges of its pin.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Speaker {
     notes: u64,
 }
@@ -48,7 +49,7 @@ impl Upstream<Player> for Speaker {
 }
 
 /// The surroundings of the second board, which drive its pin with the edges that they receive.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Listener {
     coming: VecDeque<(u64, bool)>,
     arrived: Vec<(u64, bool)>,
@@ -131,6 +132,28 @@ fn on_two_threads_both_boards_do_what_they_do_on_one() {
     assert_eq!(relay.downstream.arrived, pair.between.arrived);
     assert_eq!((relay.a.digest(), relay.b.digest()), (pair.a.digest(), pair.b.digest()));
     assert_eq!((relay.a.take_findings(), relay.b.take_findings()), (vec![], vec![]));
+}
+
+#[test]
+fn two_relays_behind_one_leader_hear_what_each_hears_of_its_own() {
+    let each = |_, _: &mut Node<Player>, _: &mut Listener| Ok::<_, ()>(());
+    let mut own = relay();
+    own.run(33 * MS + 123_456, 10 * MS, Threads::One, each).unwrap();
+    let leader = Mutex::new(Leader::new(own.a.clone(), own.upstream.clone()));
+    let mut behind = [own.clone(), own.clone()].map(|relay| (relay, 0));
+    own.run(100 * MS, 10 * MS, Threads::One, each).unwrap();
+    // Each is ahead of the other once.
+    for (index, end) in [(0, 60), (1, 100), (0, 100)] {
+        let (relay, heard) = &mut behind[index];
+        relay.run_behind(&leader, heard, (end * MS, 10 * MS), each).unwrap();
+    }
+    for (relay, heard) in &mut behind {
+        assert_eq!(*heard, 67, "a report for each millisecond");
+        assert_eq!(relay.downstream.arrived, own.downstream.arrived);
+        assert_eq!(relay.downstream.notes, own.downstream.notes);
+        assert_eq!(relay.b.digest(), own.b.digest());
+        assert!(count(&mut relay.a) < count(&mut own.a), "its own first board stands still");
+    }
 }
 
 #[test]
