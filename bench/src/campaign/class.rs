@@ -89,6 +89,19 @@ impl Class {
             Self::Stopped
         }
     }
+
+    /// Returns the class of a flipped bit, as [`Class::of`] does, with one exception. A flipped bit changes nothing
+    /// outside the boards, so the bytes that were right without it are right with it, if the flight controller reads
+    /// them at the same instants. The judge may think otherwise: it measures ages from the pin on which HORUS shows its
+    /// ticks, and nothing but a logic analyser is connected to that pin.
+    #[must_use]
+    pub fn of_upset(reference: &[Reading], readings: &[Reading], violations: &[Violation]) -> Self {
+        if !readings.is_empty() && readings == reference {
+            Self::Masked
+        } else {
+            Self::of(reference, readings, violations)
+        }
+    }
 }
 
 fn stands_still(readings: &[Reading]) -> bool {
@@ -129,6 +142,18 @@ mod tests {
     fn the_same_bytes_at_the_same_instants_are_masked() {
         assert_eq!(Class::of(&sound(), &sound(), &[]), Class::Masked);
         assert_eq!(Class::of(&sound(), &sound(), &[Violation::HorusComplains]), Class::Masked);
+    }
+
+    #[test]
+    fn a_flipped_bit_that_changes_no_reading_is_masked_whatever_the_judge_says() {
+        let violations = [Violation::NoTick, Violation::StationAge];
+        assert_eq!(Class::of_upset(&sound(), &sound(), &violations), Class::Masked);
+        assert_eq!(Class::of(&sound(), &sound(), &violations), Class::Dangerous);
+        let mut other = sound();
+        other[40].bytes ^= 1;
+        assert_eq!(Class::of_upset(&sound(), &other, &violations), Class::Dangerous);
+        assert_eq!(Class::of_upset(&sound(), &other, &[]), Class::Recovered);
+        assert_eq!(Class::of_upset(&[], &[], &violations), Class::Dangerous, "nothing was read");
     }
 
     #[test]

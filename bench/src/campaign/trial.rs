@@ -177,6 +177,7 @@ impl<C: Cost> Begun<C> {
         let reference: Vec<Reading> = reference.iter().filter(is_within).copied().collect();
         seen.readings.retain(|reading| (plan.at..=end).contains(&reading.at));
         let violations: Vec<Violation> = finished.verdict.kinds().collect();
+        let class_of = if plan.board.is_some() { Class::of_upset } else { Class::of };
         Trial {
             number: plan.number,
             row: plan.row(),
@@ -186,7 +187,7 @@ impl<C: Cost> Begun<C> {
             cycles: (end - plan.at).div_ceil(CYCLE),
             readings: seen.readings.len() as u64,
             injected: seen.injected,
-            class: Class::of(&reference, &seen.readings, &violations),
+            class: class_of(&reference, &seen.readings, &violations),
             violations: finished.verdict.violations.iter().map(ToString::to_string).collect(),
         }
     }
