@@ -203,6 +203,9 @@ impl<C: Cost> Core<C> {
                 if careful {
                     return;
                 }
+                if self.r[15] == pc {
+                    self.cycle = self.repeat(&op, self.cycle);
+                }
             }
             if self.cycle >= self.limit {
                 return;

@@ -1,8 +1,11 @@
 //! Compares code executed in bursts with the same code executed instruction by instruction.
 
+use std::sync::Arc;
+
 use crate::common;
 
 use common::{RAM, Rig};
+use cortex_m4::coverage::Record;
 use cortex_m4::{Cost, Exit, Fast, Optimistic, Pessimistic, Register};
 
 fn next(state: &mut u64) -> u32 {
@@ -92,12 +95,15 @@ fn a_run_that_ends_anywhere_is_where_single_steps_come_to() {
 
 #[test]
 fn a_branch_to_itself_is_where_as_many_single_steps_come_to() {
-    fn check<C: Cost>(waits: u32) {
+    fn check<C: Cost>(waits: u32, recorded: bool) {
         // The branch is at a multiple of 4, behind it, or in an IT block (it al) after some cycles.
         for code in [&[0xE7FE][..], &[0xBF00, 0xE7FE], &[0x2101, 0xBFE8, 0xE7FE]] {
             let mut run = Rig::<C>::with_clock(code);
             run.board.waits = waits;
             let mut stepped = run.clone();
+            if recorded {
+                run.core.set_record(Some(Arc::new(Record::new([]))));
+            }
             for (until, due) in [(300, u64::MAX), (1_000, 777), (1_001, u64::MAX)] {
                 run.board.due = due;
                 assert_eq!(run.core.run(&mut run.board, until), Exit::Until);
@@ -110,7 +116,9 @@ fn a_branch_to_itself_is_where_as_many_single_steps_come_to() {
             }
         }
     }
-    check::<Fast>(0);
-    check::<Optimistic>(0);
-    check::<Pessimistic>(2);
+    for recorded in [false, true] {
+        check::<Fast>(0, recorded);
+        check::<Optimistic>(0, recorded);
+        check::<Pessimistic>(2, recorded);
+    }
 }
