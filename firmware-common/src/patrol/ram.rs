@@ -100,8 +100,6 @@ impl Walk {
             } else if self.at + 8 <= used.end {
                 if memory.exercise(self.at) != 0 {
                     found.fault = Some(self.at);
-                    // Not covered: only this line, in one of its two copies: a stuck bit is found by the copy that
-                    // comes to it first, that of a slice or that of what a self-test adds.
                     self.sound = false;
                 }
                 self.at += 4;

@@ -112,7 +112,6 @@ impl Place {
         let half = 2 * quarter;
         let over = if longitude > half { -2 * half } else { 0 };
         let under = if longitude < -half { 2 * half } else { 0 };
-        // Not covered: only this line, as above.
         [latitude, longitude + over + under].map(|parts| parts as f64 / (1e7 * PARTS as f64))
     }
 }

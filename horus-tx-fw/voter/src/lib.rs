@@ -344,8 +344,6 @@ fn latencies<const N: usize>(inputs: &[Input; N], candidates: u8) -> [i32; N] {
     let reference = first(candidates, &lags);
     let lags = lags.map(|lag| {
         let off = lag.wrapping_sub(reference);
-        // Not covered: only this line, since the runs begin in the first half of a week, so that lags, which count from
-        // the start, exceed half a week, and only the other correction occurs.
         let off = if off > HALF_A_WEEK_MS { off - WEEK_MS as i32 } else { off };
         let off = if off < -HALF_A_WEEK_MS { off + WEEK_MS as i32 } else { off };
         // Not covered: the clamp: both lags are below a week, so half a week is the most that the corrections leave.
