@@ -36,7 +36,7 @@ mod imp {
     // Not covered: only this line, in the copies for stops that no run has: a wrong brown-out level (`init` of HORUS),
     // and, beside a hold, a regulator that cannot be set (`init` of the DPR).
     pub fn enter(enter: fn(), stop: impl FnOnce() -> Stop, log: impl FnOnce(&Stop)) -> ! {
-        // Not covered: only this line, in these copies.
+        // Not covered: only this line, in the copies above.
         begin(enter);
         // Not covered: in the other copies, what the stops of these runs have in common: a stacked frame that lies in
         // the stack, and a fault of which the processor states the cause.
@@ -48,7 +48,7 @@ mod imp {
             log(&stop);
         }
         loop {
-            // Not covered: only this line, in these copies.
+            // Not covered: only this line, in the copies above.
             compiler_fence(Ordering::SeqCst);
         }
     }

@@ -632,8 +632,8 @@ impl Listener {
             let first = if self.field_on { reg::IRQ_EOF } else { reg::IRQ_EON };
             let due = if self.field_irqs & first != 0 { first } else { self.field_irqs };
             self.field_irqs &= !due;
-            // Not covered: only this line, no change of the field, in the copy behind an event: it would be a second
-            // change that the same status shows.
+            // Not covered: only this line, a change of the field, in the copy behind an event: it would be a second one
+            // that the same status shows.
             if due != 0 {
                 self.field_on = due == reg::IRQ_EON;
                 if self.field_on {
@@ -928,8 +928,8 @@ impl Frame {
     fn next_wait_us(&mut self) -> u16 {
         let left_us = (FRAME_US as u16).saturating_sub(self.waited_us).max(1);
         loop {
-            // Not covered: only this line, in the turns that the compiler has unrolled, another plan than that of the
-            // turn, and no bytes to come at the plan of the last read.
+            // Not covered: only this line, in the turns that the compiler has unrolled, the plans that a turn cannot
+            // have, since each plan follows the one before.
             let to_come = match self.plan {
                 Plan::Head => return bytes_us(HEAD),
                 Plan::Body => BODY as u16,
@@ -939,7 +939,8 @@ impl Frame {
             // The number of the frame's bytes that had arrived when the status before the last read was evaluated.
             let arrived = self.got + MARGIN;
             if let Some(total) = self.total
-                // Not covered: only this line, in the unrolled turn of the last read, no bytes to come.
+                // Not covered: only this line, in the unrolled turn of the last read, no bytes to come: a frame reaches
+                // this plan with bytes to come.
                 && total > arrived + to_come
             {
                 // Not covered: only this line, the least time: the bytes to come take longer than the read before them.

@@ -245,7 +245,7 @@ impl DdcSource {
 
     /// Puts a range of the bytes that DMA has written into the receiver's ring.
     fn push(&self, bytes: Range<usize>) {
-        // Not covered: only this line, a range whose end lies before its beginning.
+        // Not covered: only this line, a range whose end lies before its beginning: `Ddc` returns none.
         let bytes = BYTES.iter().skip(bytes.start).take(bytes.len());
         // Not covered: the end of the buffer within the range, since the longest read fits into it; and the copies of
         // the loop for lengths that no read has.
@@ -258,30 +258,27 @@ impl Source for DdcSource {
         let under_way = self.ddc.stream_under_way();
         // Errors that came between transactions are dropped. Otherwise the first of them would end the next
         // transaction.
-        // Not covered: in the copy for the tick, errors between transactions other than a bus error.
+        // Not covered: in the copy for the tick, an error that the interrupt has not taken: no run has one between two
+        // transactions.
         let _ = self.take_events();
         let order = self.ddc.poll(self.bus());
         self.carry_out(order);
         if let Some(len) = under_way {
-            // Not covered: only this line, more bytes left than were requested.
+            // Not covered: only this line, more bytes left than were requested: the stream counts down from that
+            // number.
             let come = len.saturating_sub(dma::left(self.port.stream));
             self.push(0..come);
         }
         // Not covered: only this line, the telemetry of a receiver beyond the last, as in `hw/buffers.rs`.
         let (counts, line) = (self.ddc.counts(), &HORUS_TELEMETRY.sources[self.index]);
-        // Not covered: the telemetry of a receiver beyond the last, as above.
         line.recoveries.set(counts.recoveries);
-        // Not covered: the telemetry of a receiver beyond the last, as above.
         line.timed_out.set(counts.timed_out);
-        // Not covered: the telemetry of a receiver beyond the last, as above.
         line.refused.set(counts.refused);
-        // Not covered: only this line, the telemetry of a receiver beyond the last, as above.
     }
 
     fn interrupt(&mut self, vector: Vector) {
         match vector {
             Vector::Peripheral => {
-                // Not covered: an event whose bits are read in another order than they come in.
                 let order = self.ddc.event(self.take_events());
                 self.carry_out(order);
             }

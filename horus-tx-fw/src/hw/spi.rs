@@ -239,11 +239,8 @@ impl Source for SpiSource {
         self.carry_out(order);
         // Not covered: only this line, the telemetry of a receiver beyond the last, as in `hw/buffers.rs`.
         let line = &HORUS_TELEMETRY.sources[self.index];
-        // Not covered: the telemetry of a receiver beyond the last, as above.
         line.recoveries.set(self.polling.recoveries());
-        // Not covered: the telemetry of a receiver beyond the last, as above.
         line.timed_out.set(self.polling.timed_out());
-        // Not covered: only this line, the telemetry of a receiver beyond the last, as above.
     }
 
     fn interrupt(&mut self, vector: Vector) {
