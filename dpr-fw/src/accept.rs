@@ -195,11 +195,13 @@ impl Early {
     fn advance<const N: usize>(&mut self, payload: &[u8]) {
         let places = (0..air::frames(N)).filter_map(Place::of_frame::<N>);
         let Some(place) = places.into_iter().find(|place| place.length() == usize::from(self.length)) else { return };
-        // Not covered: only this line, since the last object is complete only at the frame's end.
+        // Not covered: only this line, a call with all objects done: the last object is complete only at the frame's
+        // end, with which `judge` makes the last call.
         while self.done() < place.count() {
             let index = place.first() + self.done();
-            // Not covered: each object of a frame has its place in the profile, at or behind the frame's beginning, and
-            // what has arrived reaches that place, since the object before it is complete.
+            // Not covered: an object without its place or its bytes: each object of a frame has its place in the
+            // profile, at or behind the frame's beginning, and what has arrived reaches that place, since the object
+            // before it is complete.
             let Some((there, size)) = Profile::<N>::place(index).and_then(|range| {
                 let start = range.start.checked_sub(place.offset())?;
                 Some((payload.get(start..)?, range.len()))
@@ -222,8 +224,8 @@ impl Early {
             let begun = core::mem::replace(&mut self.begun, Begun::NOTHING);
             // The barrier keeps the compiler from branching on whether an object is intact, so the time does not depend
             // on it.
-            // Not covered: only this line, a CRC with fewer than four bytes to come, since no read of a frame ends so
-            // shortly before the end of an object.
+            // Not covered: only this line, in the copy of the CRC for fewer than four bytes to come: no read of a frame
+            // ends within the last three bytes of an object.
             self.intact = self.intact.with(index, black_box(Object::verify_begun(index, bytes, begun).is_ok()));
             self.done += 1;
         }
@@ -275,7 +277,8 @@ impl<const N: usize> Acceptance<N> {
                 of_frame = Some(timestamp);
             }
         }
-        // Not covered: only this line, the path of a second frame, which a cycle of three receivers does not have.
+        // Not covered: only this line, in the path of `Cycle::Same`, the second frame of a cycle, which only a profile
+        // of five receivers has.
         let cycle = self.enter(of_frame, sampled_us, Objects::at(place));
         let mut accepted = Objects::NONE;
         for (nth, timestamp) in timestamps.into_iter().enumerate() {
@@ -297,7 +300,8 @@ impl<const N: usize> Acceptance<N> {
         let Some(timestamp) = timestamp else { return Cycle::Unknown };
         let current = self.sequence.last();
         let same = |last: sequence::Sample| last.timestamp == timestamp && same_sample(last.sampled_us, sampled_us);
-        // Not covered: a cycle of three receivers has one frame; only that of five has two.
+        // Not covered: the second frame of a cycle, which only a profile of five receivers has: a cycle of three has
+        // one frame.
         if current.is_some_and(same) && self.seen.is_disjoint(places) {
             self.seen = self.seen.union(places);
             return Cycle::Same;

@@ -144,12 +144,14 @@ impl<const N: usize> Commit<N> {
             verdict.accepted = Objects::NONE;
         }
 
-        // Not covered: the commit task runs at the deadline itself, so a frame that ends later finds it handled.
+        // Not covered: a deadline that has passed before the frame's end, in this copy of `lapse`: the commit task also
+        // runs at the deadline itself, so a frame that ends later finds the deadline handled.
         let mut published = u32::from(self.lapse(frame.ended_us, health, images));
         self.link.missed(self.monitor.frame(verdict.frame(), verdict.sampled_us, frame.ended_us));
         let first = verdict.frame() == 0;
         let last = verdict.place.first() + verdict.place.count() == Self::OBJECTS;
-        // Not covered: a cycle of three receivers has one frame; only that of five has two.
+        // Not covered: an image that waits for the second frame of its cycle, which only a profile of five receivers
+        // has.
         if let Some(sampled_us) = self.open {
             let other_slot = first || !same_sample(sampled_us, verdict.sampled_us);
             let other_cycle = matches!(verdict.cycle, Cycle::Next(_)) && self.shown != Objects::NONE;
@@ -197,8 +199,8 @@ impl<const N: usize> Commit<N> {
     ///   brings the next image, or else its deadline does, 2.7 ms later.
     pub fn withdraw(&mut self, now_us: u32, health: &Health, images: &mut impl Images) -> bool {
         self.link.advance(now_us);
-        // Not covered: a cycle of three receivers has one frame; only that of five has two. So no image with objects
-        // waits for more.
+        // Not covered: only this line, an image that waits for a second frame (`open`, `shown`), which only a profile
+        // of five receivers has.
         if self.open.is_some() || self.shown != Objects::NONE || self.monitor.is_frame_due(now_us) {
             return false;
         }
@@ -219,7 +221,8 @@ impl<const N: usize> Commit<N> {
     }
 
     fn lapse(&mut self, until_us: u32, health: &Health, images: &mut impl Images) -> bool {
-        // Not covered: only this line, a missed second frame, as in `Monitor::lapse`.
+        // Not covered: only this line, in the path behind a missed second frame, which only a profile of five receivers
+        // has (`Monitor::lapse`).
         let Some(lapse) = self.monitor.lapse(until_us) else { return false };
         self.link.missed(lapse.missed);
         if lapse.silent {

@@ -93,8 +93,8 @@ impl<const N: usize> Intake<N> {
         called_for |= take_in(&mut self.commit, rotation, || timer.now_us(), &health, outbox, telemetry);
         // If another image was just published, the flight controller no longer reads the damaged one.
         let replaced = telemetry.publications.get() != before;
-        // Not covered: only this line, a finding beside a newer image, since the idle loop calls this task right after
-        // a finding: a frame would have to end between.
+        // Not covered: only this line, a finding while a newer image was published: the idle loop calls this task at
+        // once after a finding, so a frame would have to end within these few µs.
         if notices.integrity.take_withdrawal(notices.shown.generation()) && !replaced {
             called_for |= self.commit.withdraw(timer.now_us(), &health, outbox);
         }

@@ -150,13 +150,14 @@ impl<const N: usize> ImageCheck<N> {
     pub fn step(&mut self, shown: &impl Shown) -> Option<u32> {
         let generation = shown.generation();
         let object = self.next;
-        // Not covered: only this line, as in `look`: behind Link-Status no generation is 0.
+        // Not covered: only this line, the results for generation 0, in the copies of `look` for objects behind
+        // Link-Status, which are verified only when there is an image.
         let found = Self::look(object, generation, shown);
         if found != Found::Unknown {
             self.next = (object + 1) % Self::OBJECTS;
         }
-        // Not covered: what the second look finds otherwise than the first only if the image is exchanged within
-        // these few µs.
+        // Not covered: a second look that finds otherwise than the first one: the image would have to be exchanged
+        // within these few µs.
         let damaged = found == Found::Damaged && Self::look(object, generation, shown) == Found::Damaged;
         damaged.then_some(generation)
     }
@@ -174,10 +175,10 @@ impl<const N: usize> ImageCheck<N> {
     }
 
     fn look(object: usize, generation: u32, shown: &impl Shown) -> Found {
-        // Not covered: the number of an object is always below the number of objects, so each has a place.
+        // Not covered: an object without a place: `next` is below the number of objects, of which each has its place.
         let Some(place) = Self::place(object) else { return Found::Unknown };
-        // Not covered: only this line, since the check waits at Link-Status until the first image; the compiler has
-        // copied the question for each other object.
+        // Not covered: only this line, generation 0 in the copies for objects behind Link-Status, object 0: the check
+        // waits there until the first image is shown.
         if generation == 0 {
             return Found::Unknown;
         }
@@ -268,10 +269,11 @@ impl Integrity {
         let state = self.self_test.load(Ordering::Relaxed);
         let ended = state == PASSED || state == FAILED;
         // If a self-test was requested after the load, this compare-and-exchange fails, so the request is kept.
-        // Not covered: only this line, since only this task ends this state; and a second try, which takes an interrupt
-        // between the two instructions of the exclusive access.
+        // Not covered: only this line, an exchange that fails, since only the task that calls this changes an ended
+        // state; and a second try of the exclusive access, for which an interrupt would have to come between its two
+        // instructions.
         let taken = ended && self.self_test.compare_exchange(state, NONE, Ordering::Relaxed, Ordering::Relaxed).is_ok();
-        // Not covered: only this line, the exchange that fails, as above.
+        // Not covered: only this line, an exchange that fails, as above.
         taken.then_some(state == PASSED)
     }
 
@@ -334,7 +336,7 @@ impl Judge {
     /// again.
     pub fn begin_self_test(&mut self, integrity: &Integrity) -> bool {
         let state = &integrity.self_test;
-        // Not covered: only this line, a second try, as above.
+        // Not covered: only this line, a second try of the exclusive access, as in `take_result`.
         let begins = state.compare_exchange(REQUESTED, RUNNING, Ordering::Relaxed, Ordering::Relaxed).is_ok();
         if begins {
             self.self_test = SelfTest::default();
@@ -354,7 +356,8 @@ impl Judge {
         telemetry.image_faults.add(u32::from(damaged.is_some()));
         if let Some(sound) = slice.ram_pass {
             telemetry.ram_passes.add(1);
-            // Not covered: only this line, a second pass over RAM since the start or the last self-test began.
+            // Not covered: only this line, the result of a second pass over RAM since the start or since a self-test
+            // began, which `or` drops: no run leaves the patrol so much time.
             self.self_test.ram = self.self_test.ram.or(Some(sound));
         }
         let mut consequence = Consequence::None;
@@ -367,7 +370,8 @@ impl Judge {
             telemetry.flash_passes.add(1);
             telemetry.flash_faults.add(u32::from(!intact));
             integrity.flash_pass(intact);
-            // Not covered: only this line, a second pass over flash beside the hold, as above.
+            // Not covered: only this line, the result of a second pass over flash in the image with hold, as above: the
+            // runs beside the hold end before.
             self.self_test.flash = self.self_test.flash.or(Some(intact));
             if !intact {
                 consequence = Consequence::Withdraw;
@@ -388,7 +392,7 @@ impl Judge {
         let SelfTest { flash: Some(flash), ram: Some(ram) } = self.self_test else { return };
         let result = if flash && ram { PASSED } else { FAILED };
         // If another self-test was requested meanwhile, this compare-and-exchange fails, so the new request is kept.
-        // Not covered: only this line, a second try, as above.
+        // Not covered: only this line, a second try of the exclusive access, as in `take_result`.
         let _ = integrity.self_test.compare_exchange(RUNNING, result, Ordering::Relaxed, Ordering::Relaxed);
     }
 }

@@ -154,10 +154,11 @@ impl<const N: usize> Monitor<N> {
     pub fn frame(&mut self, frame: usize, sampled_us: u64, ended_us: u32) -> u32 {
         let frame = frame as u32;
         let missed = self.last.map_or(0, |last| {
-            // Not covered: only this line, since frames are judged in the order of their ends, and all samples of
-            // this profile have the same age then.
+            // Not covered: only this line, the limit at 0: frames are judged in the order of their ends, and in a
+            // profile of three receivers all samples have the same age then, so no sample is older than the one before.
             let apart_us = sampled_us.wrapping_sub(last.sampled_us).cast_signed().max(0);
-            // Not covered: no two frames are an hour apart in these runs.
+            // Not covered: the limits of the conversion and of the sum, which two frames 71 minutes apart reach: no run
+            // is so long.
             let apart_us = u32::try_from(apart_us).unwrap_or(u32::MAX).saturating_add(Self::CYCLE_US / 2);
             let slots = apart_us / Self::CYCLE_US * Self::FRAMES + frame;
             slots.saturating_sub(last.frame + 1).saturating_sub(self.counted)
@@ -186,6 +187,8 @@ impl<const N: usize> Monitor<N> {
             _ => 0,
         };
         let due_us = self.deadline_us.wrapping_sub(FRAME_DEADLINE_US - Self::CYCLE_US + frames_us);
+        // Not covered: only this line, in the copy for `Commit::withdraw`, a finding in the 2.7 ms between the instant
+        // at which a frame is due that does not come, and its deadline.
         now_us.wrapping_sub(due_us).cast_signed().unsigned_abs() <= FRAME_DUE_US
     }
 
@@ -202,16 +205,17 @@ impl<const N: usize> Monitor<N> {
             return None;
         }
         let mut missed = 0;
-        // Not covered: a cycle of three receivers has one frame; only that of five has two.
+        // Not covered: the deadline of a second frame, which only a profile of five receivers has: the cycle of three
+        // has one frame.
         if self.due == Due::Second {
             missed = 1;
             self.due = Due::First;
             self.deadline_us = self.deadline_us.wrapping_add(FRAME_DEADLINE_US - SECOND_FRAME_US);
         }
-        // Not covered: a cycle of three receivers has one frame; only that of five has two. So a deadline that has
-        // passed is that of a cycle.
+        // Not covered: the question after a missed second frame, which only a profile of five receivers has: without
+        // one the compiler reuses the answer of the question above.
         let silent = self.has_lapsed(now_us);
-        // Not covered: only this line, the path behind a missed second frame, as above.
+        // Not covered: only this line, in the path behind a missed second frame, as above.
         if silent {
             // A passed deadline counts as one missed frame or cycle. Each further period that has passed counts as
             // another one.
@@ -225,7 +229,8 @@ impl<const N: usize> Monitor<N> {
             self.due = due;
             missed += frames;
         }
-        // Not covered: the limit of the sum, which 500 days of silence reach.
+        // Not covered: the limit of the sum, which 500 days of silence reach; and the copies behind a missed second
+        // frame, and for a deadline that has passed before a frame's end (`Commit::frame`).
         self.counted = self.counted.saturating_add(missed);
         Some(Lapse { missed, silent })
     }
@@ -320,7 +325,8 @@ impl Link {
 
     /// Counts missed frames.
     pub fn missed(&mut self, frames: u32) {
-        // Not covered: only this line, the path behind a missed second frame alone, as in `Monitor::lapse`.
+        // Not covered: only this line, in the copies behind a missed second frame, and for a deadline that has passed
+        // before a frame's end (`Commit::frame`).
         self.missed = self.missed.wrapping_add(frames);
     }
 
@@ -351,7 +357,7 @@ impl Link {
             frames_received: self.received,
             frames_missed: self.missed,
             age_100us: LinkValues::age(self.since_us(self.reported_us)),
-            // Not covered: only this line, the limit, which 65,536 refused accesses reach.
+            // Not covered: only this line, the limit: no run has 65 536 refused accesses.
             access_violations: u16::try_from(health.access_violations).unwrap_or(u16::MAX),
         })
     }

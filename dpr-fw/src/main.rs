@@ -47,7 +47,8 @@ fn main() -> std::process::ExitCode {
 }
 
 #[cfg(target_os = "none")]
-// Not covered: only this line, since a task's priority and a resource's ceiling, which a lock compares, are constants.
+// Not covered: only this line, the other outcome of the comparison of a task's priority with a resource's ceiling in
+// RTIC's lock: both are constants.
 #[rtic::app(device = nrf52840_hal::pac, peripherals = true)]
 mod app {
     use core::sync::atomic::{AtomicBool, Ordering};

@@ -86,12 +86,14 @@ impl FrontEnd {
     /// field. Without a field, silence is no fault of the front end.
     #[must_use]
     pub const fn is_out_of_order(self) -> bool {
-        // Not covered: only this line, the test for a number that no state has.
+        // Not covered: only this line, in the compiler's comparison of the state's number, the number behind the last
+        // one, which no state has.
         matches!(self, Self::Lost(fault) if !matches!(fault, Fault::Silence { field: false }))
     }
 
     fn note_field(&mut self, there: bool) {
-        // Not covered: a front end reports its field only while it listens, or after silence.
+        // Not covered: a field that is reported in another state: a front end reports its field only while it listens,
+        // or after silence.
         if let Self::Listening { field } | Self::Lost(Fault::Silence { field }) = self {
             *field = there;
         }
@@ -189,9 +191,10 @@ impl<P: FrontEndPort> Reception<P> {
                     if let Fault::Register { address, expected, found } = fault {
                         telemetry.rf_register.set(u32::from_be_bytes([0, address, expected, found]));
                     }
-                    // Not covered: only this line, the end of the other copy of the locked section.
+                    // Not covered: only this line, behind the copy of the locked section for another priority, which
+                    // never runs (`xtask/src/coverage/twins.rs`).
                     front_end.lock(|state| *state = FrontEnd::Lost(fault));
-                    // Not covered: only this line, the end of the other copy of the locked section above.
+                    // Not covered: only this line, behind the copy that never runs, as above.
                     replace_buffer(executor, &mut rotation, telemetry);
                     *early = Early::default();
                     handed = true;
@@ -216,7 +219,8 @@ impl<P: FrontEndPort> Reception<P> {
         }
         if let Some(arrived) = executor.take_arrived() {
             let before = early.done();
-            // Not covered: more bytes than the buffer has, or none: `take_arrived` and the port exclude both.
+            // Not covered: only this line, a number of bytes that is 0 or exceeds the buffer: `take_arrived` returns no
+            // 0, and the port has started no read beyond its buffer.
             early.follow::<N>(executor.port().arrived(arrived));
             if early.done() > before && !handed {
                 return Call::Prepare;

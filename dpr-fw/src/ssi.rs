@@ -120,7 +120,7 @@ impl Budget {
 
     /// Uses one transaction up, and returns whether it was the last.
     pub fn spend(&mut self) -> bool {
-        // Not covered: only this line, since a transaction is granted only while the budget is left.
+        // Not covered: only this line, the limit at 0: a transaction is granted only while the budget is left.
         self.0 = self.0.saturating_sub(1);
         self.0 == 0
     }

@@ -119,7 +119,8 @@ impl<T: Task> CheckIn<T> {
     /// in anew.
     pub fn complete(&self) -> bool {
         let tasks = self.seen.iter().take(T::COUNT as usize);
-        // Not covered: each board has fewer tasks than places, so the places never run out first.
+        // Not covered: the end of the places before the end of the tasks: each board has fewer tasks than there are
+        // places.
         let all = tasks.clone().all(|seen| seen.load(Ordering::Relaxed));
         if all {
             tasks.for_each(|seen| seen.store(false, Ordering::Relaxed));

@@ -31,8 +31,8 @@ impl Counter {
 
     /// Adds `amount`, wrapping.
     pub fn add(&self, amount: u32) {
-        // Not covered: a second try of the exclusive access, which takes an interrupt within it, and events that no run
-        // has, whose own lines are listed.
+        // Not covered: a second try of the exclusive access, for which an interrupt would have to come between its two
+        // instructions; and the copies for events that no run has, at whose own lines the reason stands.
         self.0.fetch_add(amount, Ordering::Relaxed);
     }
 
@@ -48,7 +48,8 @@ impl Counter {
 
     /// Sets the counter to `value` if `value` is larger.
     pub fn record_max(&self, value: u32) {
-        // Not covered: a second try of the exclusive access, as in `add`; and a smaller value where each is the same.
+        // Not covered: a second try of the exclusive access, as in `add`; and a value below the greatest, where all
+        // values are the same.
         self.0.fetch_max(value, Ordering::Relaxed);
     }
 

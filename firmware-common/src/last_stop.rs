@@ -198,7 +198,8 @@ impl Stop {
     /// Returns a stop of which only these values are known.
     #[must_use]
     pub const fn new(cause: Cause, exception: u16, detail: u32) -> Self {
-        // Not covered: a copy for a wrong brown-out level, as in HORUS's `init`.
+        // Not covered: the copies for stops that no run has: a wrong brown-out level (`init` of HORUS), and, beside a
+        // hold, a regulator that cannot be set (`init` of the DPR).
         Self { cause, exception, detail, address: None, pc: 0, lr: 0, place: Place([0; Place::LEN]) }
     }
 
@@ -207,6 +208,8 @@ impl Stop {
     #[must_use]
     pub fn of_fault(status: FaultStatus, frame: Option<(u32, u32)>, exception: u16) -> Self {
         let (lr, pc) = frame.unwrap_or((0, 0));
+        // Not covered: only this line, in the copies for the handlers of faults, a cause and an address that no fault
+        // of these runs has.
         Self { address: status.address(), pc, lr, ..Self::new(status.cause(), exception, status.cfsr) }
     }
 
@@ -225,7 +228,7 @@ impl Stop {
             Cause::MemoryProtection => self.detail & FaultStatus::MEMORY,
             _ => self.detail & 0xFFFF,
         };
-        // Not covered: an exception above 255, which no part has.
+        // Not covered: an exception above 255: the part with the most interrupts has 91, with the numbers 16 to 106.
         let exception = if self.exception > 0xFF { 0xFF } else { self.exception as u32 };
         (self.cause as u32) << 24 | exception << 16 | detail
     }
@@ -331,7 +334,8 @@ static CODE: AtomicU32 = AtomicU32::new(0);
 
 /// Records `stop` if it is the first since the start.
 pub fn note(stop: &Stop) {
-    // Not covered: a second try of the exclusive access, since interrupts are masked here; or a second stop.
+    // Not covered: a second try of the exclusive access, since interrupts are masked here; and a second stop, which
+    // that prevents too.
     if NOTED.swap(true, Ordering::Relaxed) {
         return;
     }
@@ -358,7 +362,7 @@ fn record(words: &[u32; WORDS]) {
 pub fn take() -> Option<Stop> {
     let mut words = [0; WORDS];
     for (to, from) in words.iter_mut().zip(&RECORD) {
-        // Not covered: a second try of the exclusive access, since no task interrupts the start.
+        // Not covered: a second try of the exclusive access: no interrupt is enabled yet at the start.
         *to = from.swap(0, Ordering::Relaxed);
     }
     let stop = Stop::from_words(&words);

@@ -69,7 +69,8 @@ pub(crate) fn sum(range: Range<u32>) -> u32 {
             options(readonly, nostack)
         );
     }
-    // Not covered: a whole number of eight words, which no checked state has.
+    // Not covered: only this line, no rest behind the blocks of eight words: nothing that is checked is a whole number
+    // of them.
     while at != range.end {
         sum = sum.rotate_left(1).wrapping_add(load(at));
         at += 4;

@@ -33,15 +33,22 @@ mod imp {
 
     /// Enters the safe state by `enter`, then records and logs the stop that `stop` returns, and waits for the
     /// watchdog. `stop` may take long. Only the first stop is logged, and none while another message is being written.
-    // Not covered: the copies for a wrong brown-out level, as in HORUS's `init`, and for a regulator that cannot be
-    // set; and the few stops that are not logged, because they interrupt the logger.
+    // Not covered: only this line, in the copies for stops that no run has: a wrong brown-out level (`init` of HORUS),
+    // and, beside a hold, a regulator that cannot be set (`init` of the DPR).
     pub fn enter(enter: fn(), stop: impl FnOnce() -> Stop, log: impl FnOnce(&Stop)) -> ! {
+        // Not covered: only this line, in the copies above.
         begin(enter);
+        // Not covered: in the other copies, what the stops of these runs have in common: a stacked frame that lies in
+        // the stack, and a fault of which the processor states the cause.
         let stop = stop();
+        // Not covered: only this line, a stop that is not logged, because it interrupts the logger: few runs stop just
+        // then.
         if note(&stop) {
+            // Not covered: what `log` writes in the copies above.
             log(&stop);
         }
         loop {
+            // Not covered: only this line, in the copies above.
             compiler_fence(Ordering::SeqCst);
         }
     }
@@ -57,11 +64,12 @@ mod imp {
 
     /// Records the stop, and returns whether it is to be logged.
     #[inline(never)]
-    // Not covered: a second try of the exclusive access, since all interrupts are masked; and a second stop, which that
-    // prevents too.
     fn note(stop: &Stop) -> bool {
         last_stop::note(stop);
+        // Not covered: only this line, a second try of the exclusive access, since all interrupts are masked; and a
+        // second stop, which that prevents too.
         !LOGGED.swap(true, Ordering::Relaxed) && !log_section::is_interrupted()
+        // Not covered: only this line, the return behind a second stop.
     }
 
     /// Enables the separate handlers of MemManage, BusFault and UsageFault, so that a fault in the safe state is a

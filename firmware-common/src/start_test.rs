@@ -81,7 +81,7 @@ impl Outcome {
 /// Returns the result of this start's test once. A second call returns that no test was done, and so does a later start
 /// that ends before its test.
 pub fn take() -> Outcome {
-    // Not covered: a second try of the exclusive access, since no interrupt is enabled yet.
+    // Not covered: a second try of the exclusive access: no interrupt is enabled yet.
     Outcome::of(MEMORY_TEST.swap(0, Ordering::Relaxed))
 }
 

@@ -55,7 +55,7 @@ impl Climate {
     /// Returns the control at its start, with the output off. [`DEFAULT_SET_POINT`] replaces a set-point out of range.
     #[must_use]
     pub fn new(set_point: f32) -> Self {
-        // Not covered: a set-point out of range, which neither a record nor a command brings.
+        // Not covered: a set-point out of range: the record of the last set-point has a CRC, and `set` takes none.
         let set_point = if SET_POINTS.contains(&set_point) { set_point } else { DEFAULT_SET_POINT };
         Self { set_point, integral: 0.0, output: 0.0, safe: true }
     }
@@ -90,7 +90,7 @@ impl Climate {
     /// Does one step of the control, and returns the output. `temperature` is in °C, `None` without a valid
     /// measurement. If `allowed` is false, the output is 0.
     pub fn step(&mut self, temperature: Option<f32>, allowed: bool) -> f32 {
-        // Not covered: a temperature that is not finite, since it comes from an integer.
+        // Not covered: a temperature that is not finite: it comes from an integer.
         let Some(temperature) = temperature.filter(|celsius| allowed && celsius.is_finite()) else {
             *self = Self::new(self.set_point);
             return self.output;
@@ -119,7 +119,7 @@ impl Climate {
 /// Limits `value` to `low..=high`. `f32::clamp` is not used: its panic message prints numbers, and the code for that
 /// would be a third of the firmware.
 fn bound(value: f32, low: f32, high: f32) -> f32 {
-    // Not covered: what `max` and `min` do with NaN, which no caller passes.
+    // Not covered: the results of `max` and `min` for a NaN, which no caller passes.
     value.max(low).min(high)
 }
 
@@ -140,7 +140,7 @@ impl Duty {
     /// Returns for how many of the `top` counts of a PWM period the heater and the cooler are on.
     #[must_use]
     pub fn counts(self, top: u16) -> [u16; 2] {
-        // Not covered: the limits of the conversion, since no product exceeds `top`.
+        // Not covered: the saturation of the conversion: a duty is at most 1, so no product exceeds `top`.
         [self.heater, self.cooler].map(|duty| (duty * f32::from(top)) as u16)
     }
 }

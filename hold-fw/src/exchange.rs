@@ -162,7 +162,8 @@ impl<'a, P: FrontEndPort> Link<'a, P> {
     /// instead, and recovers from that.
     fn prepare(&mut self) -> Option<ExchangeEvent> {
         let length = HoldObject::SIZE;
-        // Not covered: a refusal, since the machine has just said that it is ready, and the length is that of a frame.
+        // Not covered: a refusal: the machine has just said that it is ready, and the length is a constant that a frame
+        // can have.
         self.executor.go_on(|exchange| exchange.prepare(length).unwrap_or_else(|_| exchange.step(Input::Failed)))
     }
 

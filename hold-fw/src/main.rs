@@ -45,7 +45,8 @@ fn main() -> std::process::ExitCode {
 }
 
 #[cfg(target_os = "none")]
-// Not covered: only this line, since a task's priority and a resource's ceiling, which a lock compares, are constants.
+// Not covered: only this line, the other outcome of the comparison of a task's priority with a resource's ceiling in
+// RTIC's lock: both are constants.
 #[rtic::app(device = nrf52840_hal::pac, peripherals = true)]
 mod app {
     use core::sync::atomic::{AtomicBool, Ordering};
@@ -172,7 +173,8 @@ mod app {
                 continue;
             }
             if CHECK_IN.complete() {
-                // Not covered: a watchdog that other code has configured, as a bootloader could.
+                // Not covered: a watchdog that other code has configured before, for example a bootloader, so that the
+                // hold cannot feed it: none runs on the bench.
                 if let Some(watchdog) = cx.local.watchdog.as_mut() {
                     watchdog.pet();
                 }

@@ -104,7 +104,7 @@ impl Hold {
     /// must do. Takes the greatest shock out of `readings`. The time is bounded (docs/timing.md#hold-64-mhz).
     pub fn cycle(&mut self, tick: u32, readings: &mut Readings, supply: Option<f32>) -> (HoldStatus, Outputs) {
         if let Some(shock) = readings.shock.take() {
-            // Not covered: what `max` does with NaN, which no shock is.
+            // Not covered: the result of `max` for a NaN, which no shock is.
             self.greatest_shock = Some(self.greatest_shock.unwrap_or(0.0).max(shock));
         }
         let Readings { climate, vibration, fault, .. } = *readings;

@@ -24,6 +24,6 @@ const LOWEST: f32 = 2.5;
 pub fn volts(count: i16) -> Option<f32> {
     let count = if count >= STEPS - 1 { STEPS } else { count };
     let volts = f32::from(count) * (FULL_SCALE / f32::from(STEPS));
-    // Not covered: too low a result, since the supervisor stops the hold before.
+    // Not covered: a result that is too low: the supply supervisor resets the hold before.
     (volts > LOWEST).then_some(volts)
 }

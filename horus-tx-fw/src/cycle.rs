@@ -115,7 +115,8 @@ impl<const N: usize> Cycle<N> {
     /// tick.
     #[must_use]
     pub fn has_voted_for(&self, tick: u32) -> bool {
-        // Not covered: only a flipped bit of the count of ticks leaves a vote out, and few upsets hit it.
+        // Not covered: a vote for another tick: only a flipped bit of the count of ticks leaves a vote out, and few
+        // upsets hit it.
         self.voted.is_none_or(|(of, _)| of == tick)
     }
 
@@ -128,10 +129,11 @@ impl<const N: usize> Cycle<N> {
     /// Returns the sealed profile of tick `tick`: the receivers' latest messages, and that tick's vote.
     pub fn fill<S: Borrow<Solution>>(&self, tick: u32, solutions: &[S; N]) -> Profile<N> {
         let now = timestamp(tick);
-        // Not covered: the step that votes for this tick runs before this one, or HORUS stops because of the order of
-        // its steps.
+        // Not covered: only this line, no vote for this tick: the step that votes for it runs before this one, or HORUS
+        // stops because of the order of its steps.
         let reported = match self.voted {
             Some((of, reported)) if of == tick => reported,
+            // Not covered: no vote for this tick, as above.
             _ => ReportedPosition::seal(&self.reported_values(&Verdict::NONE, now)),
         };
         let mut receiver = 0;

@@ -228,8 +228,8 @@ impl Ddc {
     ///
     /// [`Busy`] while another message waits.
     pub fn transmit(&mut self, message: &Message) -> Result<(), Busy> {
-        // Not covered: a message leaves in the next cycle, or is dropped within eleven. The one after it is made when
-        // its answer has come, or a second after it.
+        // Not covered: a message that still waits: it leaves in the next cycle, or is dropped within eleven, and the
+        // next one is made when its answer has come, or a second after it.
         if self.message.is_some() {
             return Err(Busy);
         }
@@ -282,10 +282,13 @@ impl Ddc {
         // A bus error is ignored because of the erratum "spurious bus error detection in controller mode". If the error
         // was real, the transaction ends at the tick.
         self.bus_errors = self.bus_errors.saturating_add(u8::from(events.bus_error));
+        // Not covered: only this line, as many bus errors as the limit: the pulses on SDA of these runs bring fewer in
+        // a transaction.
         if self.bus_errors >= MOST_BUS_ERRORS {
             return Order::Mute;
         }
         self.spurious = self.spurious.saturating_add(1);
+        // Not covered: only this line, an event in another state: the interrupts are off outside of a transaction.
         let order = match self.state {
             State::Starting(phase) if events.started => {
                 self.state = State::Addressing(phase);
@@ -302,12 +305,12 @@ impl Ddc {
                 }
                 Phase::Message => {
                     self.state = State::Writing(phase, 1);
-                    // Not covered: no message, as in `message_byte`.
+                    // Not covered: no message: this state is entered only with one, as in `message_byte`.
                     Order::PutAddressed(self.message_byte(0).unwrap_or(WAITING))
                 }
             },
             State::Writing(Phase::Select(len), _) if events.byte_sent => self.start(Phase::Waiting(len)),
-            // Not covered: the state without a message, as in `message_byte`.
+            // Not covered: only this line, a state without a message, as in `message_byte`.
             State::Writing(Phase::Message, sent) if events.byte_sent => match self.message_byte(sent) {
                 Some(byte) => {
                     self.state = State::Writing(Phase::Message, sent + 1);
@@ -359,7 +362,7 @@ impl Ddc {
     /// Serves the failure of the stream.
     pub fn stream_failed(&mut self) -> Order {
         match self.state {
-            // Not covered: an error of the stream, as in `hw/spi.rs`.
+            // Not covered: an error of the stream: it has one only at an address without memory, as in `hw/spi.rs`.
             State::Receiving(_) => self.recover(),
             _ => Order::Nothing,
         }
@@ -403,7 +406,7 @@ impl Ddc {
     }
 
     fn give_up(&mut self, order: Order) -> Order {
-        // Not covered: an event outside of a transaction, in which the interrupts are off.
+        // Not covered: an event outside of a transaction: the interrupts are off then.
         if self.state == State::Idle || matches!(self.state, State::Recovering(_)) {
             return Order::Mute;
         }

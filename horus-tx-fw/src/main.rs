@@ -164,7 +164,7 @@ mod app {
         // The brown-out level is checked before the clocks are set up. At 144 MHz only the brown-out reset prevents
         // wrong reads of instructions while the supply falls.
         let level = hw::supply::brown_out_level();
-        // Not covered: another brown-out level in the option bytes. `cargo xtask flash` sets it, and no fault of the
+        // Not covered: another brown-out level in the option bytes: `cargo xtask flash` sets it, and no fault of the
         // bench changes option bytes.
         if level != supply::BROWN_OUT_LEVEL {
             let stop = Stop::new(Cause::BrownOutLevel, 0, level);
@@ -176,13 +176,13 @@ mod app {
                 },
             );
         }
-        // Not covered: a clock that differs, as in `hw/clock.rs`.
+        // Not covered: only this line, a clock that differs, as in `hw/clock.rs`.
         let (mut rcc, clock) = hw::clock::start(device.RCC);
         if hw::supply::watch(&mut rcc) {
             hw::supply::stop();
         }
 
-        // Not covered: a test that was not done: the first instructions of each start do it.
+        // Not covered: only this line, no test: the first instructions of each start make it.
         if let Some(address) = start_test::take().fault() {
             let stop = Stop::new(Cause::Ram, 0, address);
             safe_state::enter(hw::safe_state, || stop, |stop| hw::log_stop("memory", stop));
@@ -260,8 +260,8 @@ mod app {
     #[idle(local = [watchdog, patrol, memory], shared = [transmitter])]
     fn idle(mut cx: idle::Context) -> ! {
         let mut journal = Journal::new();
-        // Not covered: the orders of reads and ticks that only one in thousands of calls meets. Each caller has a copy
-        // of the function, and its tests have all orders.
+        // Not covered: a tick that ends between the two readings of the time, in this copy of `now_ms`: one in
+        // thousands of calls meets it, and the tests of `timing` have all orders.
         let now_us = || cycle_timer::now_ms().wrapping_mul(1_000);
         let mut slices = Slices::new(now_us());
         loop {
@@ -273,7 +273,6 @@ mod app {
                 rtic::export::wfi();
                 continue;
             }
-            // Not covered: a quiet part of the cycle that ends within the few instructions since the loop asked for it.
             while slices.take(cycle_timer::is_quiet) {
                 let slice = cx.local.patrol.slice(cx.local.memory);
                 if let Some((cause, detail)) = integrity::judge(&slice, &HORUS_TELEMETRY) {
@@ -282,8 +281,8 @@ mod app {
             }
             let take_fault = || cx.shared.transmitter.lock(Transmitter::take_fault);
             let second = cycle_timer::tick() / 100;
-            // Not covered: a message that waits because the quiet part ends within the few instructions since the loop
-            // asked for it; and the priorities of other tasks in the lock.
+            // Not covered: a message that waits, since the quiet part ends within the few instructions since the loop
+            // asked for it; findings that no run has; and the copies for other priorities in the lock.
             journal.write(take_fault, second, &HORUS_TELEMETRY, |message| cycle_timer::when_quiet(|| log(message)));
         }
     }
@@ -408,14 +407,16 @@ mod app {
         let slot = cycle_timer::take_slot();
         // Not covered: a second frame of the cycle, which three receivers do not have.
         begin(Step::rf_slot(slot.as_ref().map_or(0, |slot| slot.frame)));
-        // Not covered: no slot: then `begin` has stopped HORUS; and a second frame.
+        // Not covered: only this line, no slot: then `begin` has stopped HORUS.
         if let Some(slot) = slot {
+            // Not covered: only this line, a second frame of the cycle, which three receivers do not have.
             if slot.frame == 0 {
                 // The vote and the receivers' tick are called only after the slot. Before it, a division or a slow bus
                 // access of theirs would delay the slot's interrupt.
                 board::call(Task::vote);
                 board::call(Task::gnss_tick);
             }
+            // Not covered: only this line, in the path of a second frame, as above.
             cx.shared.transmitter.lock(|transmitter| transmitter.slot(slot));
         }
         CHECK_IN.check_in(Task::rf_slot);
@@ -432,7 +433,7 @@ mod app {
         // air.
         let profile = cx.shared.solutions.lock(|solutions| cx.shared.cycle.get().fill(tick, solutions));
         HORUS_TELEMETRY.worst_fill_cycles.record_max(DWT::cycle_count().wrapping_sub(begun));
-        // Not covered: a frame that is kept, as in `Transmitter::offer`.
+        // Not covered: a frame that keeps its bytes from being replaced, as in `Transmitter::offer`.
         cx.shared.transmitter.lock(|transmitter| transmitter.offer(tick, &profile));
         CHECK_IN.check_in(Task::cycle);
         settle();
@@ -544,7 +545,7 @@ mod app {
     #[task(binds = CAN1_RX1, priority = 1, local = [receivers, configurations], shared = [solutions])]
     fn parse(mut cx: parse::Context) {
         let mut more = false;
-        // Not covered: rare orders of reads and ticks, as in `idle`.
+        // Not covered: a tick that ends between the two readings of the time, as in `idle`.
         let now = cycle_timer::now_ms();
         for (index, kept) in cx.local.receivers.iter_mut().enumerate() {
             let ring = buffers::ring(index);

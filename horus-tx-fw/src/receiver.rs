@@ -89,7 +89,7 @@ impl Stamp {
     }
 
     fn expire(&mut self, now: u32) {
-        // Not covered: no run lasts for the minute after which a time stamp is dropped.
+        // Not covered: a time stamp that is older than a minute: no run lasts so long. The tests of this file have it.
         if !self.within(now, FORGOTTEN_MS) {
             *self = Self::default();
         }
@@ -334,9 +334,10 @@ impl Receiver {
             self.spoke.set(now);
             self.counts.bytes = self.counts.bytes.wrapping_add(bytes.len() as u32);
             self.parse(bytes, now);
-        // Not covered: bytes in the buffer before the line has spoken.
+        // Not covered: only this line, bytes in the buffer before the line has spoken: only bytes that have come fill
+        // it.
         } else if !self.parser.is_buffer_empty() && !self.spoke.within(now, GAP_MS) {
-            // Not covered: a buffer has bytes only after the line has spoken.
+            // Not covered: bytes in the buffer before the line has spoken, as above.
             let then = if self.spoke.happened { self.spoke.at } else { now };
             self.parse(&[0xFF; BYTES_PER_CALL], then);
         }
@@ -347,17 +348,20 @@ impl Receiver {
     /// not come, or a time stamp to drop.
     #[must_use]
     pub fn is_due(&self, now: u32) -> bool {
-        // Not covered: bytes in the buffer before the line has spoken.
+        // Not covered: bytes in the buffer before the line has spoken, as above.
         !self.parser.is_buffer_empty() && !self.spoke.within(now, GAP_MS) || self.solution.has_expired(now)
     }
 
     fn parse(&mut self, bytes: &[u8], arrived: u32) {
-        // Not covered: a call without bytes, and a buffer that does not begin with a sync, which it does between two
-        // calls.
+        // Not covered: only this line, a call without bytes, which `receive` does not make, and a buffer that does not
+        // begin with a sync: between two calls the parser leaves only the beginning of a message in it.
         let mut messages = self.parser.consume_ubx(bytes);
-        // Not covered: results that the parser does not have in the state of such a copy of its code, and payloads
-        // shorter than it has checked before.
+        // Not covered: only this line, states that the parser's buffer never has here: between two calls it holds the
+        // beginning of one message, from its first byte on, and no message fills it. And an error of `match_packet`, as
+        // below.
         while let Some(message) = messages.next() {
+            // Not covered: only this line, in the path behind an error of the parser's `match_packet`, which returns
+            // none: a payload of a length that its message cannot have makes it an unknown message.
             match message {
                 // Zeros after a sync are a message of class 0 without payload, whose checksum is zero. A line that
                 // falls low, or has another baud rate, brings such messages. UBX has no class 0, so they are not
@@ -410,7 +414,7 @@ impl Solution {
     fn has_expired(&self, now: u32) -> bool {
         let stamps =
             [self.last_heard, self.position.pace.arrived, self.attitude.pace.arrived, self.acceleration.pace.arrived];
-        // Not covered: no run lasts for the minute after which a time stamp is dropped.
+        // Not covered: a time stamp that is older than a minute, as above.
         stamps.iter().any(|stamp| stamp.happened && !stamp.within(now, FORGOTTEN_MS))
     }
 
@@ -427,6 +431,8 @@ impl Solution {
                 let stated = Stated {
                     latitude_e7: pvt.latitude_raw(),
                     longitude_e7: pvt.longitude_raw(),
+                    // Not covered: only this line, to which the debug information leads an instruction of the parser's
+                    // buffer that has no line of its own: it would drop all bytes of a full buffer.
                     altitude_mm: match position.fix {
                         Some(FixType::Fix2D) => None,
                         _ => Some(pvt.height_above_ellipsoid_raw()),
@@ -480,6 +486,7 @@ const ANSWER_LEN: usize = 2 + UBX_OVERHEAD;
 fn answer_of(message: &UbxPacket<'_>) -> Option<Answer> {
     #[allow(unreachable_patterns)]
     match message {
+        // Not covered: only this line, in the path behind an error of `match_packet`, as in `parse`.
         UbxPacket::Proto27(PacketRef::AckAck(ack)) if (ack.class(), ack.msg_id()) == VALSET => Some(Answer::Taken),
         UbxPacket::Proto27(PacketRef::AckNak(nak)) if (nak.class(), nak.msg_id()) == VALSET => Some(Answer::Refused),
         _ => None,

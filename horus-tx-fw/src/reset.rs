@@ -20,17 +20,19 @@ mod flag {
 /// management (not used here), pin. The STM32F429 has no reset by lockup; there the watchdog resets.
 #[must_use]
 pub const fn reason(csr: u32) -> ResetReason {
-    // Not covered: the window watchdog, software and low-power management, which do not reset this board.
     if csr & flag::POWER_ON != 0 {
         ResetReason::PowerOn
     } else if csr & flag::BROWN_OUT != 0 {
         ResetReason::BrownOutOrOther
     } else if csr & flag::INDEPENDENT_WATCHDOG != 0 || csr & flag::WINDOW_WATCHDOG != 0 {
         ResetReason::Watchdog
+    // Not covered: only this line, a reset by software, which HORUS never requests.
     } else if csr & flag::SOFTWARE != 0 {
         ResetReason::Software
+    // Not covered: only this line, a reset by low-power management, which HORUS does not use.
     } else if csr & flag::LOW_POWER != 0 {
         ResetReason::BrownOutOrOther
+    // Not covered: only this line, a reset without a flag of its cause: the pin's flag is set at each.
     } else if csr & flag::PIN != 0 {
         ResetReason::Pin
     } else {

@@ -26,7 +26,7 @@ impl Writer {
     /// how many bytes were ever written (wraps).
     pub fn advance(&mut self, left: usize, size: usize) -> u32 {
         // The DMA stream's NDTR reads 0 only between the last byte of the ring and the reload.
-        // Not covered: a number above the size, which no DMA stream has.
+        // Not covered: a number above the ring's size, which the DMA stream never has: it counts down from the size.
         let position = (size - left.min(size)) % size;
         let step = (position + size - self.position) % size;
         self.position = position;

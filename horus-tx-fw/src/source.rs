@@ -230,12 +230,12 @@ impl Outbox {
 
     /// Puts a message in, and returns whether there was room for it. Only one task may call this method.
     pub fn put(&self, message: &Message) -> bool {
-        // Not covered: the next message is made 0.2 s after one that gets no answer, and after the answer to any other.
-        // By then the source has taken it, so there is always room.
+        // Not covered: no room: the next message is made 0.2 s after one that gets no answer, and after the answer to
+        // any other. By then the source has taken it.
         if self.state.load(Ordering::Acquire) != 0 {
             return false;
         }
-        // Not covered: lengths that none of the five configuration messages has.
+        // Not covered: a message that fills the outbox: none of the five configuration messages does.
         for (to, from) in self.bytes.iter().zip(message.bytes()) {
             to.store(*from, Ordering::Relaxed);
         }
@@ -255,15 +255,15 @@ impl Outbox {
         for (to, from) in bytes.iter_mut().zip(&self.bytes) {
             *to = from.load(Ordering::Relaxed);
         }
-        // Not covered: the rate of the factory on I2C and SPI, for which only UARTs get a message.
+        // Not covered: the rate of the factory on I2C and SPI: only UARTs get a message with it.
         let rate = if state & FACTORY != 0 { Rate::Factory } else { Rate::Usual };
-        // Not covered: a length above the buffer, which only an upset writes.
+        // Not covered: a length above the outbox, which only a flipped bit of the state brings.
         Some(Message { bytes, len: ((state & !FACTORY) as usize).min(MESSAGE), rate })
     }
 
     /// Removes the message that waits. Only one task may peek and clear.
     pub fn clear(&self) {
-        // Not covered: a source that is still busy, as in the sources' own `transmit`.
+        // Not covered: an outbox that stays full because the source is busy, as in the sources' own `transmit`.
         self.state.store(0, Ordering::Release);
     }
 }

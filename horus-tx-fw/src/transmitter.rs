@@ -57,7 +57,8 @@ impl Ticket {
     #[must_use]
     pub const fn due(self, tick: u32, frame: usize) -> Option<u8> {
         let command = (self.0 & 0xFF) as u8;
-        // Not covered: with one frame in a cycle, a ticket is for the slot that comes, or there is none.
+        // Not covered: only this line, a ticket for another slot: with one frame in a cycle, a ticket is for the slot
+        // that comes, or there is none.
         if command != 0 && self.0 == Self::new(tick, frame, command).0 {
             Some(command)
         } else {
@@ -137,14 +138,17 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
     /// Returns false, and takes nothing, while an earlier cycle's frame is being loaded or has just been fired, because
     /// that frame's bytes must not change. This cycle's slot is lost then.
     pub fn offer(&mut self, tick: u32, profile: &Profile<RECEIVERS>) -> bool {
-        // Not covered: a load ends and an armed frame's slot passes before the next cycle's profile is offered.
+        // Not covered: only this line, a frame that is armed: its slot passes before the next cycle's profile is
+        // offered.
         let kept = match self.turn {
             Turn::Executor => self.executor.is_loading(),
             // A ticket that cannot be taken back has already fired its frame.
+            // Not covered: a frame that is armed, as above.
             Turn::Slot => !self.executor.port().disarm(),
             Turn::Cycle => false,
         };
-        // Not covered: no frame is under way when a profile is offered, as above.
+        // Not covered: a load under way, or a frame that has fired: a load ends and a slot passes before the next
+        // profile is offered.
         if kept {
             self.next = FRAMES;
             return false;
@@ -152,11 +156,12 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
         self.executor.port().deposit(profile);
         self.tick = tick;
         self.next = 0;
-        // Not covered: as above, the turn is the executor's or the cycle's when a profile is offered.
+        // Not covered: only this line, a frame that is armed when a profile is offered, as above.
         let event = match self.turn {
             Turn::Executor => None,
             Turn::Cycle => self.prepared(),
             // The frame of an earlier cycle has missed its slot and is dropped.
+            // Not covered: a frame that is armed when a profile is offered, as above.
             Turn::Slot => self.executor.resume(),
         };
         self.serve(event);
@@ -172,13 +177,15 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
     /// Takes the result of a slot that has passed: which frame the slot was for, and whether a command was sent.
     pub fn slot(&mut self, slot: Slot) {
         self.next = self.next.max(slot.frame + 1);
+        // Not covered: only this line, a slot that fires without an armed frame, and an armed frame that does not fire:
+        // a frame is armed only for the next slot, which fires it.
         match (slot.fired, self.turn) {
             (Some(response), Turn::Slot) => {
                 let event = self.executor.go_on(|poller| poller.step(Input::Done(&[response])));
                 self.serve(event);
             }
             // The loaded frame was meant for another slot, so it is dropped, and the next frame follows.
-            // Not covered: a frame is armed only for the next slot, which fires it.
+            // Not covered: a frame that is armed for another slot: it is armed only for the next slot, which fires it.
             (None, Turn::Slot) if self.sending != (self.tick, self.next) => {
                 self.executor.port().disarm();
                 let event = self.executor.resume();
@@ -206,16 +213,17 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
         let length = payload(self.prepared);
         // A state machine that refuses the frame gets the input of a failed transfer, which it reports and recovers
         // from.
-        // Not covered: the machine refuses neither a frame's length nor a preparation between two frames.
+        // Not covered: a refusal: the length is that of a frame, and a preparation comes only between two frames.
         self.executor.go_on(|poller| poller.prepare(length).unwrap_or_else(|_| poller.step(Input::Failed)))
     }
 
     /// Starts the load of the next frame. To be called when the chip is prepared for a frame; does nothing if there is
     /// none to send.
-    // Not covered: a cycle of three receivers has one frame; only that of five has two. So the chip is always prepared
-    // for the frame that comes next, and there is one.
     fn prepared(&mut self) -> Option<PollerEvent> {
+        // Not covered: only this line, a chip that is prepared for another frame, and no frame: with one frame in a
+        // cycle it is always prepared for that frame.
         if self.prepared != self.next {
+            // Not covered: a chip that is prepared for another frame, as above.
             return self.prepare();
         }
         self.sending = (self.tick, self.next);
@@ -223,13 +231,13 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
         let frame = place.map_or(0..0, |place| place.offset()..place.offset() + place.length());
         self.executor.port().point_at(frame);
         self.executor.resume()
+        // Not covered: only this line, behind these two paths.
     }
 
     /// Serves an event of the state machine, and the events that this causes at once: three at most, because the state
     /// machine requests a transfer or a wait after every event but a fault.
-    // Not covered: with three receivers the chip is prepared before its cycle begins, in which no frame is due; so a
-    // frame is loaded in its own cycle, and only a fault is followed by another event at once.
     fn serve(&mut self, mut event: Option<PollerEvent>) {
+        // Not covered: only this line, another event behind `prepared`, which requests a transfer.
         while let Some(happened) = event {
             event = match happened {
                 PollerEvent::Ready => {
@@ -243,7 +251,11 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
                     self.turn = Turn::Cycle;
                     return;
                 }
+                // Not covered: only this line, where the compiler has put the path of a machine that still waits, as in
+                // `Executor::go_on`.
                 PollerEvent::Prepared => self.prepared(),
+                // Not covered: only this line, a frame that is loaded too late for its slot: a frame is loaded at the
+                // beginning of its own cycle.
                 PollerEvent::Loaded if self.sending == (self.tick, self.next) => {
                     self.turn = Turn::Slot;
                     let (tick, frame) = self.sending;
@@ -264,6 +276,8 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
                     if let Fault::Register { address, expected, found } = fault {
                         self.telemetry.rf_register.set(u32::from_be_bytes([0, address, expected, found]));
                     }
+                    // Not covered: only this line, to which the debug information leads the question of
+                    // `Executor::go_on`, as above.
                     self.faulty = true;
                     self.fault = Some(fault);
                     self.executor.resume()
@@ -271,5 +285,6 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
             };
             self.turn = Turn::Executor;
         }
+        // Not covered: only this line, behind that path.
     }
 }

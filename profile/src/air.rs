@@ -131,6 +131,8 @@ impl Place {
     #[must_use]
     pub const fn of_frame<const N: usize>(frame: usize) -> Option<Self> {
         let objects = Profile::<N>::OBJECTS;
+        // Not covered: only this line, in the copy for HORUS's transmitter, a frame that the cycle does not have: it
+        // asks only for the next one, of which there is one.
         match (frame, frames(N)) {
             (0, 1) => Some(Self { first: 0, count: objects }),
             (0, 2) => Some(Self { first: 0, count: 3 }),

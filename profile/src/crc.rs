@@ -91,13 +91,14 @@ impl FourTables {
     fn update(&self, mut register: u32, bytes: &[u8]) -> u32 {
         let [behind_0, behind_1, behind_2, behind_3] = &self.0;
         let (words, rest) = bytes.as_chunks();
-        // Not covered: only this line, whose copies for GPS objects are not given each remainder: only the first read
-        // of a frame has a varying length.
+        // Not covered: only this line, in the copies for the objects of a frame, a number of words or a rest that their
+        // reads do not bring: each object has a constant size, and only the first read of a frame has a varying length,
+        // since the DPR may begin it late.
         for word in words {
             let [first, second, third, fourth] = (register ^ u32::from_be_bytes(*word)).to_be_bytes().map(usize::from);
             register = behind_3[first] ^ behind_2[second] ^ behind_1[third] ^ behind_0[fourth];
         }
-        // Not covered: only this line, as above.
+        // Not covered: only this line, a rest of bytes in the copies for the objects of a frame, as above.
         for &byte in rest {
             let [first, ..] = register.to_be_bytes();
             register = (register << 8) ^ behind_0[usize::from(first ^ byte)];
@@ -138,7 +139,8 @@ pub fn frame_of_words(words: impl Iterator<Item = u32>) -> u32 {
 /// ```
 #[must_use]
 pub fn frame_of_words_after(crc: u32, words: impl Iterator<Item = u32>) -> u32 {
-    // Not covered: only this line, since nothing that is checked is empty.
+    // Not covered: only this line, the end of the loop before the first word: no caller has an empty range. The
+    // compiler has inlined this into each check of flash, RAM and images.
     let register = words.fold(crc ^ FRAME.xorout, |register, word| FRAME_TABLE.update(register, &word.to_le_bytes()));
     register ^ FRAME.xorout
 }
@@ -185,7 +187,8 @@ impl Begun {
     /// that the CRC already covers, and are shorter than 64 KiB.
     pub fn follow(&mut self, bytes: &[u8]) {
         let Ok(there) = u16::try_from(bytes.len()) else { return };
-        // Not covered: only this line, since no caller gives fewer bytes than before.
+        // Not covered: only this line, the limit of the slice and the empty slice: each caller gives at least as many
+        // bytes as before, since a frame's bytes only become more.
         let register = FRAME_TABLE.update(self.register, bytes.get(self.bytes()..).unwrap_or(&[]));
         *self = Self { register, bytes: self.bytes.max(there) };
     }

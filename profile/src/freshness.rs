@@ -55,7 +55,8 @@ pub const fn freshness(previous: Option<u32>, now: u32) -> Freshness {
         Freshness::Frozen
     } else if step > u32::MAX / 2 {
         Freshness::Restarted
-    // Not covered: only this line, since HORUS's timestamps are ticks of 10 ms, and a damaged one is not judged.
+    // Not covered: only this line, its true outcome: HORUS's timestamps are ticks of 10 ms, and a timestamp is judged
+    // only if its object is intact by its CRC.
     } else if !step.is_multiple_of(CYCLE_MS) {
         Freshness::Irregular
     } else {

@@ -130,7 +130,8 @@ impl GpsObject {
     ///
     /// The errors are those of [`verify`](Self::verify).
     pub fn verify_begun(bytes: &[u8], expected: Identifier, begun: crc::Begun) -> Result<&Self, Rejection> {
-        // Not covered: only this line, since the caller cuts the bytes to the object's size.
+        // Not covered: only this line, the wrong length: `Early::advance` of the DPR cuts the bytes to the object's
+        // size before.
         let bytes: &[u8; Self::SIZE] = bytes.try_into().map_err(|_| Rejection::Length)?;
         let (object, findings) = Self::found(bytes, begun.is_intact(bytes));
         findings.check(object.identifier() == expected, Rejection::Identifier).judge(object)

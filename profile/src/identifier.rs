@@ -64,8 +64,8 @@ impl Identifier {
     pub const fn of_object(index: usize) -> Option<Self> {
         match index {
             0 => Some(Self::REPORTED_POSITION),
-            // Not covered: only this line, since the objects of a frame of three receivers end before the last
-            // identifier.
+            // Not covered: only this line, the end of the range: the callers ask for objects of a profile of three
+            // receivers, the last of which is GPS3.
             1..=5 => Some(Self::gps(index)),
             _ => None,
         }

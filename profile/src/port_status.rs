@@ -88,8 +88,8 @@ impl Violation {
     /// Returns the kind of violation that counts for a rejected [request](crate::ssi::parse).
     #[must_use]
     pub const fn of_request(rejection: Rejection) -> Self {
-        // Not covered: only this line, since a request is parsed from all of its bytes, so that its length is never
-        // wrong.
+        // Not covered: only this line, the arm for a wrong length: the port hands all bytes of the request's size to
+        // the parser, and counts a shorter request before.
         match rejection {
             Rejection::Window => Self::WindowOutside,
             Rejection::Length => Self::TooShort,
@@ -100,8 +100,8 @@ impl Violation {
     /// Returns the kind of violation that counts for a rejected [object](crate::uplink::Written::verify).
     #[must_use]
     pub const fn of_object(rejection: Rejection) -> Self {
-        // Not covered: only this line, since no object is rejected for a repeated timestamp here: the port compares
-        // timestamps itself.
+        // Not covered: only this line, the rejections that a written object cannot have: `Written::verify` does not
+        // compare timestamps, since the port does so itself.
         match rejection {
             Rejection::Length => Self::TooShort,
             Rejection::Identifier => Self::UplinkIdentifier,
@@ -152,7 +152,7 @@ impl Violations {
 
     /// Counts `times` more violations of the kind `kind`.
     pub fn count(&mut self, kind: Violation, times: u16) {
-        // Not covered: only this line, since each kind has its place.
+        // Not covered: only this line, the path without a count: each kind of violation has its place in the array.
         if let Some(count) = self.0.get_mut(kind.index()) {
             *count = count.saturating_add(times);
         }

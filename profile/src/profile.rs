@@ -113,7 +113,8 @@ impl<const N: usize> Profile<N> {
         let () = Self::SUPPORTED;
         match index {
             0 => Some(0..ReportedPosition::SIZE),
-            // Not covered: only this line, since a frame has no more objects than the profile.
+            // Not covered: only this line, an object beyond the profile: the DPR asks only for the objects that the
+            // frame's place in the profile has.
             receiver if receiver <= N => {
                 let end = ReportedPosition::SIZE + receiver * GpsObject::SIZE;
                 Some(end - GpsObject::SIZE..end)

@@ -163,7 +163,8 @@ impl Sequence {
     /// the instant of the sample on the receiver's clock, µs, from a counter that never wraps. The instant of arrival
     /// may be used instead if it is a constant time later.
     pub fn judge(&mut self, timestamp: u32, sampled_us: u64) -> Judgement {
-        // Not covered: only this line, the path behind a second frame of a cycle, as in the firmware of the DPR.
+        // Not covered: only this line, in the path behind the second frame of a cycle (`Acceptance::enter`), which only
+        // a profile of five receivers has.
         let judgement = self.classify(timestamp, sampled_us);
         let sample = Sample { timestamp, sampled_us };
         let held = self.found == SEARCH_CYCLES;
@@ -187,7 +188,8 @@ impl Sequence {
     #[must_use]
     pub fn is_held(&self, now_us: u64) -> bool {
         let in_time = |last: Sample| last.elapsed_us(now_us) <= i64::from(HOLD_US);
-        // Not covered: only this line, since a sequence that is found has a last cycle.
+        // Not covered: only this line, a sequence that is found without a last cycle: `judge` sets both at once, so
+        // only a flipped bit leaves one without the other.
         self.found == SEARCH_CYCLES && self.last.is_some_and(in_time)
     }
 
@@ -212,7 +214,8 @@ impl Sequence {
             Freshness::Fresh { missed } if missed <= MAX_MISSED => missed,
             Freshness::Fresh { .. } | Freshness::Irregular | Freshness::First => return Judgement::Irregular,
         };
-        // Not covered: only this line, since no time since the start nears the range of 64 bits.
+        // Not covered: only this line, the limits of the subtraction: both numbers are µs since a start, far below the
+        // range of 64 bits.
         let late_us = last.elapsed_us(sampled_us).saturating_sub(i64::from(step_us(missed)));
         let deviation_us = late_us.unsigned_abs();
         if deviation_us > u64::from(tolerance_us(missed)) {

@@ -110,7 +110,8 @@ impl Uplink {
     /// [`Rejection::Length`] if `bytes` are not 64, [`Rejection::Crc`] if they are damaged, [`Rejection::Identifier`]
     /// if they are another object.
     pub fn verify<W: WritesUplink>(bytes: &[u8]) -> Result<&Self, Rejection> {
-        // Not covered: only this line, since an answer holds all bytes of an uplink.
+        // Not covered: only this line, the error: the callers pass an array of an uplink's size, so only `findings`
+        // below can reject.
         let (object, findings) = Self::look(bytes)?;
         findings.check(object.identifier() == W::IDENTIFIER, Rejection::Identifier).judge(object)
     }

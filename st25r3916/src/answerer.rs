@@ -242,7 +242,7 @@ impl Answerer {
     pub fn step(&mut self, input: Input<'_>) -> Step<AnswererEvent> {
         match (self.state, input) {
             (AnswererState::Listening | AnswererState::Delivered | AnswererState::Over, input) => self.listen(input),
-            // Not covered: no SPI of the bench fails.
+            // Not covered: a transfer that has failed: none does on the bench.
             (_, Input::Failed) => self.fault(Fault::Bus),
             (AnswererState::Sending(SendState::Loaded), Input::Start) => self.listen(input),
             (AnswererState::Sending(state), input) => {
@@ -259,7 +259,7 @@ impl Answerer {
                 Step::Transfer(Transfer::Short(command::STOP))
             }
             (AnswererState::Stopping, Input::Done(_)) => self.listen(Input::Start),
-            // Not covered: the executor gives each state only the inputs that the state waits for.
+            // Not covered: an input that the state does not wait for, which the executor never gives.
             (AnswererState::Stopping, _) => self.fault(Fault::Executor),
         }
     }
@@ -267,7 +267,8 @@ impl Answerer {
     fn listen(&mut self, input: Input<'_>) -> Step<AnswererEvent> {
         let step = self.listener.step(input);
         self.state = AnswererState::Listening;
-        // Not covered: the copies of this match for events that its caller cannot have there.
+        // Not covered: the events that a caller cannot have at its place, in the copies of this match that the compiler
+        // has made for each of them.
         step.map(|event| {
             Step::Event(match event {
                 ListenerEvent::Listening => AnswererEvent::Listening,

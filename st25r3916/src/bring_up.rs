@@ -82,12 +82,13 @@ pub(crate) enum Role {
 impl Role {
     /// The values of registers 02, 03 and 04 (operation control, mode, bit rate) while the chip operates.
     pub(crate) const fn configuration(self) -> [u8; 3] {
-        // Not covered: other roles than that of the image's own chip; so also below.
+        // Not covered: the roles that the image's chip does not have. Each image has one role, the DPR with hold two,
+        // but the compiler keeps the code for all.
         let [mode, rate] = match self {
             Self::Poller(_) | Self::Exchange => POLLER_MODE,
             Self::Listener | Self::Answerer => LISTENER_MODE,
         };
-        // Not covered: other roles.
+        // Not covered: the other roles, as above.
         let operation = match self {
             Self::Poller(ReceiverMode::Off) => reg::OP_EN | reg::OP_TX_EN,
             Self::Poller(ReceiverMode::OnMasked) | Self::Exchange => reg::OP_EN | reg::OP_RX_EN | reg::OP_TX_EN,
@@ -108,7 +109,7 @@ impl Role {
 
     /// The settings that are written in this role before the chip goes on air, in order.
     const fn settings(self, variant: Variant) -> &'static [Setting] {
-        // Not covered: other roles.
+        // Not covered: the other roles, as in `configuration`.
         match (self, variant) {
             (Self::Poller(_), Variant::A) => &POLLER_A,
             (Self::Poller(_), Variant::B) => &POLLER_B,
@@ -143,7 +144,7 @@ impl Setting {
     fn access(self, mode: u8, rest: &[u8]) -> Short {
         let head = [command::SPACE_B, mode | self.address];
         let from = usize::from(!self.in_space_b);
-        // Not covered: the default, since `from` is 0 or 1.
+        // Not covered: the default: `from` is 0 or 1.
         Short::of(head.get(from..).unwrap_or(&head), rest)
     }
 
@@ -153,7 +154,7 @@ impl Setting {
 
     fn read(self) -> Short {
         const ZEROS: [u8; Short::MAX] = [0; Short::MAX];
-        // Not covered: the default, since no setting is longer than a transfer.
+        // Not covered: the default: no setting is longer than a transfer.
         self.access(command::READ, ZEROS.get(..self.values.len()).unwrap_or(&ZEROS))
     }
 
@@ -161,17 +162,18 @@ impl Setting {
     /// [`Fault::Register`] names the first register that differs.
     fn check(self, response: &[u8]) -> Result<(), Fault> {
         let (head, space) = if self.in_space_b { (2, reg::SPACE_B) } else { (1, 0) };
-        // Not covered: the default, since a response is longer than its head.
+        // Not covered: the default: a response is longer than its head.
         check(space | self.address, self.values, response.get(head..).unwrap_or(&[]))
     }
 }
 
 fn check(address: u8, set: &[u8], found: &[u8]) -> Result<(), Fault> {
-    // Not covered: another length, since a response is as long as its transfer.
+    // Not covered: another length: a response is as long as its transfer, or the port reports that transfer as failed.
     if set.len() != found.len() {
         return Err(Fault::Bus);
     }
-    // Not covered: a wrong value at each place of each setting, for which the compiler has made copies.
+    // Not covered: a wrong value at some places of some settings, for which the compiler has made copies of the
+    // comparison. Runs make single registers wrong, each of them at least in one copy.
     match (address..).zip(set.iter().zip(found)).find(|(_, (expected, found))| expected != found) {
         None => Ok(()),
         Some((address, (&expected, &found))) => Err(Fault::Register { address, expected, found }),
@@ -468,8 +470,8 @@ impl BringUp {
 
     /// Records a fault, which doubles the next back-off (up to 64 ms).
     pub(crate) const fn failed(&mut self) {
-        // Not covered: copies for each kind of fault. Those of the executor never come, and those that a frame precedes
-        // never come seven times in a row.
+        // Not covered: the copies of this for faults that never come seven times in a row: those of the executor never
+        // come at all, and those behind a frame come behind one that resets the count.
         if self.failures < BACK_OFF_STEPS {
             self.failures += 1;
         }
@@ -496,12 +498,16 @@ impl BringUp {
     }
 
     pub(crate) fn step(&mut self, input: Input<'_>) -> Progress {
-        // Not covered: inputs that the executor does not give in a phase.
+        // Not covered: only this line, inputs that a phase does not wait for, which the executor never gives.
         match (self.phase, input) {
             (_, Input::Failed) => Progress::Failed(Fault::Bus),
+            // Not covered: a response of another length, as in `check`, and in HORUS and the hold a register that has
+            // lost the bit for the oscillator while the chip is brought up.
             (Phase::Sent, Input::Done(response)) => self.answered(response),
             (Phase::Waiting, Input::Irq) => self.read_irqs(false),
             (Phase::Waiting, Input::Timeout) => self.read_irqs(true),
+            // Not covered: the operations' faults that a chip does not have in this role, and the end of the
+            // interrupts' count for operations whose interrupt always comes.
             (Phase::Reading { last }, Input::Done(response)) => self.irqs(response, last),
             _ => Progress::Failed(Fault::Executor),
         }
@@ -622,7 +628,7 @@ impl BringUp {
 
     /// The IO configuration for the measured supply, or for 5 V before the measurement.
     fn io(&self) -> Setting {
-        // Not covered: a supply of 3 V, since each board supplies its chips from 5 V.
+        // Not covered: a supply of 3 V: each board supplies its chips from 5 V.
         match self.supply_mv {
             Some(millivolts) if millivolts < SUPPLY_5V_MV => IO_3V,
             _ => IO_5V,
@@ -635,17 +641,17 @@ impl BringUp {
         let variant = self.variant.unwrap_or(Variant::A);
         match self.part {
             Part::Power => self.power(variant),
-            // Not covered: other roles, as in `setting`.
+            // Not covered: the other roles, as in `setting`.
             Part::Write => match self.setting(variant, self.index) {
                 Some(setting) => Operation::Send(setting.write()),
                 None => Operation::End,
             },
-            // Not covered: other roles, as in `setting`.
+            // Not covered: the other roles, as in `setting`.
             Part::ReadBack => match self.in_force(self.index) {
                 Some(setting) => Operation::ReadBack(setting),
                 None => Operation::End,
             },
-            // Not covered: other roles, as in `operate`.
+            // Not covered: the other roles, as in `operate`.
             Part::Operate => self.operate(),
         }
     }
@@ -669,14 +675,14 @@ impl BringUp {
 
     /// The transfer that reads the next setting back. To be made once for each frame.
     pub(crate) fn read_next(&self) -> Short {
-        // Not covered: other roles, as in `setting`.
+        // Not covered: the other roles, as in `setting`.
         self.turn().map_or(CONFIGURATION_READ, Setting::read)
     }
 
     /// # Errors
     /// [`Fault::Register`] if a register differs from its setting, or the errors of [`Role::check_configuration`].
     pub(crate) fn check_next(&mut self, response: &[u8]) -> Result<(), Fault> {
-        // Not covered: other roles, as in `setting`.
+        // Not covered: only this line, the other roles, as in `setting`.
         match self.turn() {
             Some(setting) => {
                 self.rotation += 1;
@@ -684,13 +690,15 @@ impl BringUp {
             }
             None => {
                 self.rotation = 0;
+                // Not covered: a response of another length, as in `check`, and a register that has lost the bit for
+                // the oscillator: in these runs `CONFIGURATION_READ` finds it first.
                 self.role.check_configuration(response)
             }
         }
     }
 
     fn setting(&self, variant: Variant, index: u8) -> Option<Setting> {
-        // Not covered: other roles, for each of which the compiler has made a copy of this access.
+        // Not covered: the other roles, for each of which the compiler has made a copy of this access.
         self.role.settings(variant).get(usize::from(index)).copied()
     }
 
@@ -719,7 +727,7 @@ impl BringUp {
     fn operate(&self) -> Operation {
         let [operation, ..] = self.role.configuration();
         let on = Short::new([command::WRITE | reg::OPERATION_CONTROL, operation]);
-        // Not covered: other roles.
+        // Not covered: the other roles, as in `configuration`.
         match (self.index, self.role) {
             (0, _) => Operation::Send(on),
             (1, Role::Poller(ReceiverMode::Off)) => Operation::Skip,

@@ -272,11 +272,12 @@ impl Exchange {
     }
 
     /// Takes one input and returns the next step.
-    // Not covered: inputs that the executor does not give in a state, and steps of the poller that are not those of its
-    // state.
     pub fn step(&mut self, input: Input<'_>) -> Step<ExchangeEvent> {
+        // Not covered: only this line, inputs that a state does not wait for, which the executor never gives.
         match (self.state, input) {
             (ExchangeState::Polling, input) => {
+                // Not covered: a status of another length than its transfer; and an answer that begins although the end
+                // of the frame was not read before, of which few runs have each order.
                 if let Some(status) = self.answer_before(input) {
                     let _ = self.poller.sent(status.is_set(reg::IRQ_TXE));
                     self.idle_irqs = 0;
@@ -295,6 +296,7 @@ impl Exchange {
             (ExchangeState::Guarding, Input::Timeout) => {
                 self.short(ExchangeState::Opening, command::UNMASK_RECEIVE_DATA)
             }
+            // Not covered: only this line, another input, as above.
             (ExchangeState::Opening, Input::Done(_)) => self.wait(),
             (ExchangeState::Awaiting | ExchangeState::Receiving, Input::Irq) => self.read_status(false),
             (ExchangeState::Awaiting | ExchangeState::Receiving, Input::Timeout) => self.read_status(true),
@@ -303,8 +305,11 @@ impl Exchange {
                 Err(fault) => self.fault(fault),
             },
             (ExchangeState::ReadingFifo { count }, Input::Done(bytes)) => {
+                // Not covered: only this line, an answer that is read without its frame: the state is entered only with
+                // one.
                 let result = match &mut self.frame {
                     Some(frame) => {
+                        // Not covered: only this line, a read without a byte: an answer has at least one.
                         frame.was_read(count, bytes.first().copied());
                         Ok(frame.delivered())
                     }
@@ -316,16 +321,20 @@ impl Exchange {
                 self.short(ExchangeState::ResettingGain, command::RESET_RECEIVER_GAIN)
             }
             (ExchangeState::ResettingGain, Input::Done(_)) => self.short(ExchangeState::CheckingClosed, STATUS_READ),
+            // Not covered: only this line, a response of another length than its transfer, as in `Status::parse`.
             (ExchangeState::CheckingClosed, Input::Done(response)) => match Status::parse(response) {
                 Ok(status) => self.closed(status),
                 Err(fault) => self.fault(fault),
             },
+            // Not covered: an input that a state does not wait for, as above.
             _ => self.fault(Fault::Executor),
         }
+        // Not covered: only this line, behind the paths above that no run takes.
     }
 
     fn poll(&mut self, step: Step<PollerEvent>) -> Step<ExchangeEvent> {
-        // Not covered: the copies of this match for events that its caller cannot have there: a fault has no other.
+        // Not covered: the events that a caller cannot have at its place, in the copies of this match that the compiler
+        // has made for each of them: a fault leads to no other event.
         step.map(|event| match event {
             PollerEvent::Ready => Step::Event(ExchangeEvent::Ready),
             PollerEvent::Prepared => Step::Event(ExchangeEvent::Prepared),
@@ -344,8 +353,8 @@ impl Exchange {
     }
 
     fn begin(&mut self, status: Status) {
-        // Not covered: an answer of which the status shows the end without the beginning, and flags of errors at a
-        // beginning.
+        // Not covered: an end without a beginning, which only a lost interrupt leaves, and errors at a beginning, since
+        // no byte has come by then.
         self.frame.insert(Frame::new(ReadMode::StoreAndForward)).note(status);
     }
 
@@ -374,12 +383,12 @@ impl Exchange {
         Step::Wait { us }
     }
 
-    // Not covered: steps of the poller other than the event of the fault.
     fn fault(&mut self, fault: Fault) -> Step<ExchangeEvent> {
         self.state = ExchangeState::Polling;
         self.frame = None;
         let step = self.poller.fault(fault);
         self.poll(step)
+        // Not covered: steps of the poller other than the event of the fault: `Poller::fault` returns no other.
     }
 
     fn status(&mut self, status: Status, late: bool) -> Step<ExchangeEvent> {

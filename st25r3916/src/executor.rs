@@ -35,7 +35,7 @@ impl Machine for Poller {
     type Event = PollerEvent;
 
     fn step(&mut self, input: Input<'_>) -> Step<PollerEvent> {
-        // Not covered: a transfer that has failed, as in `poll`.
+        // Not covered: in the copy for the poller, a transfer that has failed, as in `poll`.
         Self::step(self, input)
     }
 }
@@ -172,14 +172,18 @@ impl<M: Machine, P: Port> Executor<M, P> {
     /// comes. After an event the owner calls [`Executor::resume`], [`Executor::go_on`] or [`Executor::resume_later`].
     pub fn poll(&mut self) -> Option<M::Event> {
         let step = match self.waiting {
-            // Not covered: a transfer that has failed, as in HORUS's `response`, and an end where none is awaited.
+            // Not covered: only this line, in the copy for HORUS, an end without a transfer: the port reports each end
+            // once.
             Waiting::Transfer if self.port.ended() => {
                 self.loading = false;
+                // Not covered: only this line, a read of the FIFO in the copy for HORUS, whose poller asks for none.
                 self.arrived = self.reading_to.take();
+                // Not covered: only this line, a transfer that has failed: each transfer of the bench ends with all of
+                // its bytes.
                 let input = self.port.response().map_or(Input::Failed, Input::Done);
                 self.machine.step(input)
             }
-            // Not covered: no SPI of the bench hangs, so each transfer ends in time.
+            // Not covered: a transfer that does not end in time: no SPI of the bench hangs.
             Waiting::Transfer if self.port.elapsed() => {
                 self.loading = false;
                 self.reading_to = None;
@@ -188,7 +192,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
             }
             Waiting::IrqOrTime if self.port.irq_is_high() => self.machine.step(Input::Irq),
             Waiting::IrqOrTime | Waiting::Time if self.port.elapsed() => self.machine.step(Input::Timeout),
-            // Not covered: the transmitter's executor never resumes later.
+            // Not covered: the executors of the transmitter, of the second port and of the hold never resume later.
             Waiting::Later if self.port.elapsed() => self.machine.step(Input::Start),
             Waiting::Later | Waiting::Transfer | Waiting::IrqOrTime | Waiting::Time | Waiting::Owner => return None,
         };
@@ -202,7 +206,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
 
     /// Makes the machine continue after an event by calling `take`. Has no effect during a transfer or a wait.
     pub fn go_on(&mut self, take: impl FnOnce(&mut M) -> Step<M::Event>) -> Option<M::Event> {
-        // Not covered: a call while the machine waits: this owner calls only after an event.
+        // Not covered: a call while the machine waits: each owner calls only after an event.
         if self.waiting != Waiting::Owner {
             return None;
         }
@@ -216,15 +220,17 @@ impl<M: Machine, P: Port> Executor<M, P> {
     }
 
     fn carry_out(&mut self, mut step: Step<M::Event>) -> Option<M::Event> {
-        // Not covered: the end of the steps, as below, and a transfer that the port refuses: the machines ask only for
-        // bytes of their frame.
+        // Not covered: only this line, the end of the steps: the machines take two steps at most before they wait.
         for _ in 0..STEPS {
             step = match step {
                 Step::Transfer(transfer) => {
+                    // Not covered: only this line, a transfer that the port refuses, since the machines ask only for
+                    // bytes of their frame.
                     if self.start(transfer) {
                         self.wait(Waiting::Transfer, TRANSFER_US);
                         return None;
                     }
+                    // Not covered: a transfer that the port refuses, as above.
                     self.machine.step(Input::Failed)
                 }
                 Step::Wait { us } => {
@@ -233,6 +239,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
                     if !self.port.irq_is_high() {
                         return None;
                     }
+                    // Not covered: the end of the steps behind such a step, as above.
                     self.machine.step(Input::Irq)
                 }
                 Step::Delay { us } => {
@@ -246,23 +253,28 @@ impl<M: Machine, P: Port> Executor<M, P> {
                 }
             };
         }
-        // Not covered: the machines take two steps at most before they wait, so the bound of steps is never reached.
+        // Not covered: the end of the steps, as above. It keeps a machine that never waits, which only a flipped bit
+        // makes of it, from holding up the board.
         self.wait(Waiting::Time, PAUSE_US);
         None
     }
 
-    // Not covered: transfers that the port refuses, as above, and kinds that the machine does not ask for.
     fn start(&mut self, transfer: Transfer) -> bool {
+        // Not covered: only this line, a kind of transfer that this machine does not ask for: a poller reads nothing,
+        // and a listener loads nothing.
         match transfer {
             Transfer::Short(short) => {
+                // Not covered: a length above that of the longest transfer, which no machine's transfer has.
                 self.port.start_short(&short);
                 true
             }
             Transfer::Read { offset, len } => {
                 let started = self.port.start_read(offset, len);
+                // Not covered: only this line, a read that the port refuses, as above.
                 self.reading_to = NonZeroUsize::new(offset + len).filter(|_| started);
                 started
             }
+            // Not covered: a load that a listener does not ask for, and one that the port refuses, as above.
             Transfer::Load { offset, len } => {
                 self.loading = self.port.start_load(offset, len);
                 self.loading

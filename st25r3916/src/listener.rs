@@ -224,8 +224,9 @@ impl FrameFlags {
     /// The flags that are in at least one of both sets.
     #[must_use]
     pub const fn union(self, other: Self) -> Self {
-        // Not covered: only this line, flags that the status of a frame's beginning does not have, since no byte has
-        // come; and in the copy of an exchange a framing error, and a status in the middle of an answer.
+        // Not covered: only this line, flags that cannot be set at a frame's beginning, since no byte has come; and in
+        // the copy for an exchange, framing errors of an answer, and a status in the middle of one, which is read in
+        // one piece.
         Self(self.0 | other.0)
     }
 
@@ -474,17 +475,18 @@ impl Listener {
 
     /// Takes one input and returns the next step.
     pub fn step(&mut self, input: Input<'_>) -> Step<ListenerEvent> {
-        // Not covered: no SPI of the bench fails, as in the executor.
+        // Not covered: a transfer that has failed: none does on the bench, as in the executor.
         if matches!(input, Input::Failed) {
             return self.fault(Fault::Bus);
         }
-        // Not covered: only this line, since the executor gives each state only the inputs that the state waits for.
+        // Not covered: only this line, inputs that a state does not wait for, which the executor never gives.
         match (self.state, input) {
             // A bring-up is due in these states.
             (ListenerState::New, _) | (ListenerState::BackingOff, Input::Timeout) => {
                 self.state = ListenerState::BringingUp;
                 let progress = self.bring_up.begin();
-                // Not covered: a bring-up begins with a transfer, so it neither waits nor fails nor ends.
+                // Not covered: the ends of a bring-up at its beginning, in this copy of `progress`: it begins with a
+                // transfer.
                 self.progress(progress)
             }
             (ListenerState::Faulted | ListenerState::BackingOff, _) => {
@@ -492,8 +494,8 @@ impl Listener {
                 Step::Delay { us: self.bring_up.back_off_us() }
             }
             (ListenerState::BringingUp, input) => {
-                // Not covered: only this line, where the compiler puts together the faults of other roles and other
-                // lengths.
+                // Not covered: only this line, the faults of other roles and of other lengths, which the compiler has
+                // put together here.
                 let progress = self.bring_up.step(input);
                 self.progress(progress)
             }
@@ -504,8 +506,8 @@ impl Listener {
                 self.short(ListenerState::RearmStatus, STATUS_READ)
             }
 
-            // Not covered: only this line, a level beyond the size of the FIFO, as on a line that is stuck high, 0.1 ms
-            // behind a status without such a level.
+            // Not covered: only this line, in the path behind a level beyond the size of the FIFO, as on a line that is
+            // stuck high: the line would have to get stuck within the 0.1 ms since the last status.
             (ListenerState::RearmStatus, Input::Done(response)) => match Status::parse(response) {
                 Ok(status) => self.rearm(status),
                 Err(fault) => self.fault(fault),
@@ -533,7 +535,7 @@ impl Listener {
                 Err(fault) => self.fault(fault),
             },
             (ListenerState::ReadingFifo { count, end }, Input::Done(bytes)) => {
-                // Not covered: only this line, since a read of the FIFO has at least one byte.
+                // Not covered: only this line, no byte: each read of the FIFO has at least one.
                 self.fifo(count, end, bytes.first().copied())
             }
             (ListenerState::CheckingConfiguration, Input::Done(response)) => {
@@ -543,7 +545,7 @@ impl Listener {
                 }
             }
             (ListenerState::CheckingField { idle }, Input::Done(response)) => {
-                // Not covered: only this line, since a response is as long as its transfer.
+                // Not covered: only this line, a response of another length: each is as long as its transfer.
                 if let [_, display] = response {
                     let (there, irq) =
                         if display & reg::DISPLAY_FIELD == 0 { (false, reg::IRQ_EOF) } else { (true, reg::IRQ_EON) };
@@ -558,12 +560,12 @@ impl Listener {
             }
             _ => self.fault(Fault::Executor),
         }
-        // Not covered: only this line, the ends of the paths that are explained above.
+        // Not covered: only this line, behind the paths above that no run takes.
     }
 
     fn short(&mut self, state: ListenerState, short: Short) -> Step<ListenerEvent> {
-        // Not covered: only this line, where the compiler puts the fault of a response of another length: each is as
-        // long as its transfer.
+        // Not covered: only this line, in the path behind a response of another length, where the compiler has put the
+        // fault for it.
         self.state = state;
         Step::Transfer(Transfer::Short(short))
     }
@@ -578,8 +580,8 @@ impl Listener {
         self.field_irqs = 0;
         self.silent_us = 0;
         count(&mut self.counters.faults);
-        // Not covered: only this line, since each copy of this function but that of `wait` has other faults than
-        // silence.
+        // Not covered: only this line, the other kind of fault: in `wait` each fault is silence, in each other copy of
+        // this function none is.
         let state = if let Fault::Silence { .. } = fault {
             // Silence leads to a bring-up without a back-off. Instead, `silences` doubles the time to the next report
             // of silence.
@@ -589,7 +591,7 @@ impl Listener {
             self.bring_up.failed();
             ListenerState::Faulted
         };
-        // Not covered: the copy for faults of the executor and of the bus, which are explained above.
+        // Not covered: the copies for faults of the executor and of the bus, which no run has, as `step` says.
         self.event(state, ListenerEvent::Fault(fault))
     }
 
@@ -611,8 +613,8 @@ impl Listener {
         self.note_field(status);
         // The status may have the beginning of a frame already, if the frame met the re-arming.
         if status.is_set(reg::IRQ_RXS) {
-            // Not covered: the end of a frame that has begun behind the status before, which was read too recently.
-            // The FIFO is empty at a beginning, and no byte is incomplete.
+            // Not covered: the end of a frame that begins at the re-arming: the status before was read too recently for
+            // a frame to begin and end behind it. And at a beginning the FIFO is empty, so no byte is incomplete.
             self.status_begins(status)
         } else if status.is_quiet() && status.count == 0 && !status.flow_error() {
             // The FIFO is empty and is not cleared. A clear could discard the I_rxs of a frame that begins just now.
@@ -624,14 +626,14 @@ impl Listener {
 
     /// Reports changes of the field that are not reported yet, or waits if there are none.
     fn resume(&mut self) -> Step<ListenerEvent> {
-        // Not covered: only this line, since a frame is under way only behind an event, for which the compiler has
-        // made a copy.
+        // Not covered: only this line, a frame under way, in the copy behind a re-arming: a frame is under way only
+        // behind an event, for which the compiler has made another copy.
         if self.frame.is_none() {
             let first = if self.field_on { reg::IRQ_EOF } else { reg::IRQ_EON };
             let due = if self.field_irqs & first != 0 { first } else { self.field_irqs };
             self.field_irqs &= !due;
-            // Not covered: only this line, in the copy behind a report: a second change of the field in the same
-            // status.
+            // Not covered: only this line, a change of the field, in the copy behind an event: it would be a second one
+            // that the same status shows.
             if due != 0 {
                 self.field_on = due == reg::IRQ_EON;
                 if self.field_on {
@@ -645,7 +647,7 @@ impl Listener {
     }
 
     fn wait(&mut self) -> Step<ListenerEvent> {
-        // Not covered: only this line, the limit, which 7.5 s of silence reach.
+        // Not covered: only this line, the greatest number of doublings, which 7.5 s of silence reach.
         if self.silent_us >= SILENCE_US << self.silences.min(SILENCE_DOUBLINGS) {
             self.silences = self.silences.saturating_add(1);
             return self.fault(Fault::Silence { field: self.field_on });
@@ -656,7 +658,7 @@ impl Listener {
                 (ListenerState::Listening, self.config.supervision_us)
             }
             Some(frame) => {
-                // Not covered: only this line, a part of what `Frame::next_wait_us` explains.
+                // Not covered: only this line, the paths of `Frame::next_wait_us` that are explained there.
                 frame.waiting_us = frame.next_wait_us();
                 (ListenerState::Receiving, u32::from(frame.waiting_us))
             }
@@ -696,15 +698,16 @@ impl Listener {
             self.idle_irqs = 0;
         }
         match &mut self.frame {
-            // Not covered: only this line, the path of a frame that is too long, as in `Frame::ends`.
+            // Not covered: only this line, in the path of a frame that is too long, as in `Frame::ends`.
             Some(_) => self.status_in_frame(status, late),
-            // Not covered: only this line, which the compiler asks on a path for quiet statuses and on one for others.
+            // Not covered: only this line, which the compiler asks twice, once for quiet statuses and once for others,
+            // so that each copy has one outcome.
             None if status.is_set(reg::IRQ_RXS | reg::IRQ_RXE) => self.status_begins(status),
-            // Not covered: only this line, since an error raises the interrupt, so that a late status shows none
-            // without a frame, and a quiet one none either.
+            // Not covered: only this line, which the compiler asks twice: a quiet status has no error, and without a
+            // frame an error raises the interrupt at once, so that a late status has none.
             None if status.error != 0 => self.short(ListenerState::RearmClear, command::CLEAR_FIFO),
             None if late => {
-                // Not covered: the limit of the sum, since 8 s of silence begin it anew.
+                // Not covered: the limit of the sum, since a bring-up for silence begins it anew after 8 s at most.
                 self.silent_us = self.silent_us.saturating_add(self.config.supervision_us);
                 self.short(ListenerState::CheckingConfiguration, CONFIGURATION_READ)
             }
@@ -722,7 +725,8 @@ impl Listener {
     }
 
     fn begin_frame(&mut self, status: Status) {
-        // Not covered: only this line, the other read mode, which only the second port has.
+        // Not covered: only this line, the other read mode: each port has its own, and the compiler keeps the code for
+        // both.
         self.frame.insert(Frame::new(self.config.read_mode)).note(status);
     }
 
@@ -756,17 +760,17 @@ impl Listener {
             return self.lose(Dropped::NoEnd);
         }
         let got = frame.got;
-        // Not covered: only this line, since a frame of which all bytes have come ends before the wait for its last
-        // read does.
+        // Not covered: only this line, a frame of which all bytes have come: it ends before the wait for its last read
+        // does.
         let more_comes = frame.total.is_some_and(|total| total > got + status.count + MARGIN);
         let refilled = frame.plan == Plan::Tail && status.count >= REFILLED && more_comes;
         let margin = if refilled { 0 } else { MARGIN };
         frame.advance();
         if status.count <= margin {
             self.wait()
-            // Not covered: only this line, as in `Frame::ends`.
+            // Not covered: only this line, too many bytes, as in `Frame::ends`.
         } else if is_too_long(got + status.count - margin) {
-            // Not covered: as in `Frame::ends`.
+            // Not covered: too many bytes, as in `Frame::ends`.
             self.lose(Dropped::TooLong)
         } else {
             self.read(got, status.count - margin, false)
@@ -775,11 +779,11 @@ impl Listener {
 
     /// Ends the frame: reads its remaining bytes without the CRC-16, which the chip has compared already.
     fn frame_ends(&mut self, status: Status) -> Step<ListenerEvent> {
-        // Not covered: the state tells that there is a frame.
+        // Not covered: no frame: this is called only in states with one, so only a flipped bit takes it away.
         let Some(frame) = &mut self.frame else {
             return self.fault(Fault::Executor);
         };
-        // Not covered: only this line, a part of what `Frame::ends` explains.
+        // Not covered: only this line, the path of a frame that is too long, as in `Frame::ends`.
         match frame.ends(status) {
             Err(why) => self.lose(why),
             Ok(0) => self.deliver(),
@@ -788,7 +792,7 @@ impl Listener {
                 self.read(got, left, true)
             }
         }
-        // Not covered: only this line, the end of the path without a frame.
+        // Not covered: only this line, behind the path without a frame.
     }
 
     fn read(&mut self, got: u16, count: u16, end: bool) -> Step<ListenerEvent> {
@@ -797,13 +801,13 @@ impl Listener {
     }
 
     fn fifo(&mut self, count: u16, end: bool, first: Option<u8>) -> Step<ListenerEvent> {
-        // Not covered: as above, there is a frame.
+        // Not covered: no frame, as above.
         let Some(frame) = &mut self.frame else {
             return self.fault(Fault::Executor);
         };
         frame.was_read(count, first);
         if end { self.deliver() } else { self.wait() }
-        // Not covered: only this line, the end of the path without a frame.
+        // Not covered: only this line, behind the path without a frame.
     }
 
     fn deliver(&mut self) -> Step<ListenerEvent> {
@@ -820,7 +824,7 @@ impl Listener {
 
     fn lose(&mut self, why: Dropped) -> Step<ListenerEvent> {
         if let Some(frame) = self.frame.take() {
-            // Not covered: the limit of the sum, as above.
+            // Not covered: the limit of the sum, as in `status`.
             self.silent_us = self.silent_us.saturating_add(u32::from(frame.waited_us));
         }
         count(match why {
@@ -870,19 +874,19 @@ impl Frame {
         // early read may have taken it already.
         let mut count = status.count;
         if self.flags.contains(FrameFlags::PARTIAL) {
-            // Not covered: only this line, since an incomplete byte is in the FIFO, see below.
+            // Not covered: only this line, no byte in the FIFO, although the last one is incomplete, as below.
             match count.checked_sub(1) {
                 Some(whole) => count = whole,
-                // Not covered: the model of the chip puts an incomplete byte into the FIFO only with I_rxe, behind
-                // the early reads; no document says when silicon does.
+                // Not covered: an incomplete byte that an early read has taken: the model of the chip puts it into the
+                // FIFO only with I_rxe, behind the early reads. No document says when silicon does.
                 None => self.got = self.got.saturating_sub(1),
             }
         }
         self.unread = count.min(CRC);
         if self.got + count < SHORTEST {
             Err(Dropped::Runt)
-            // Not covered: only this line, since LEN announces no more bytes than the buffer has: only a level of the
-            // FIFO that is read wrong at the end of a frame is higher.
+            // Not covered: only this line, in the copy for an exchange: LEN announces no more bytes than the buffer
+            // has, so only a level of the FIFO that is read wrong just at the end of an answer is higher.
         } else if is_too_long(self.got + count) {
             Err(Dropped::TooLong)
         } else {
@@ -892,7 +896,8 @@ impl Frame {
 
     /// Records a read of `count` bytes of the frame. `first` is the first of these bytes.
     pub(crate) fn was_read(&mut self, count: u16, first: Option<u8>) {
-        // Not covered: in an exchange, a second read, or one without a byte: it reads an answer in one piece.
+        // Not covered: in the copy for an exchange, a second read, and one without a byte: an answer is read in one
+        // piece.
         if self.got == 0 {
             self.total = first.map(|len| u16::from(len) + 2);
         }
@@ -903,7 +908,8 @@ impl Frame {
     /// The payload's length of a complete frame, and the frame's flags.
     pub(crate) fn delivered(&self) -> (usize, FrameFlags) {
         let received = self.got + self.unread;
-        // Not covered: LEN is known of a frame that is delivered.
+        // Not covered: a LEN that is not known: a frame that is delivered has at least one read, of which LEN is the
+        // first byte.
         let flags = if self.total == Some(received) { self.flags } else { self.flags.union(FrameFlags::LENGTH) };
         (usize::from(received.saturating_sub(OVERHEAD)), flags)
     }
@@ -922,8 +928,8 @@ impl Frame {
     fn next_wait_us(&mut self) -> u16 {
         let left_us = (FRAME_US as u16).saturating_sub(self.waited_us).max(1);
         loop {
-            // Not covered: only this line, in the turns that the compiler has unrolled: a plan of the last read
-            // begins with bytes to come.
+            // Not covered: only this line, in the turns that the compiler has unrolled, the plans that a turn cannot
+            // have, since each plan follows the one before.
             let to_come = match self.plan {
                 Plan::Head => return bytes_us(HEAD),
                 Plan::Body => BODY as u16,
@@ -933,14 +939,14 @@ impl Frame {
             // The number of the frame's bytes that had arrived when the status before the last read was evaluated.
             let arrived = self.got + MARGIN;
             if let Some(total) = self.total
-                // Not covered: only this line, in the unrolled turn of the last read, which a frame reaches with bytes
-                // to come.
+                // Not covered: only this line, in the unrolled turn of the last read, no bytes to come: a frame reaches
+                // this plan with bytes to come.
                 && total > arrived + to_come
             {
-                // Not covered: only this line, the least time, for bytes that come sooner than a read takes.
+                // Not covered: only this line, the least time: the bytes to come take longer than the read before them.
                 return bytes_us(total - to_come - arrived).saturating_sub(self.read_us).clamp(1, left_us);
             }
-            // Not covered: as above.
+            // Not covered: the plans in the turns that the compiler has unrolled, as above.
             self.advance();
         }
     }

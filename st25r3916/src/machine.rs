@@ -35,7 +35,8 @@ impl Short {
     /// Returns a transfer of `head`, then `rest`: together at most [`Short::MAX`] bytes, further bytes are not sent.
     pub(crate) fn of(head: &[u8], rest: &[u8]) -> Self {
         let mut short = Self { bytes: [0; Self::MAX], len: 0 };
-        // Not covered: transfers that do not fit, and lengths that no setting has.
+        // Not covered: the end of the slots, since a head and its rest fit, and the lengths of a rest that no setting
+        // has, in the turns that the compiler has unrolled.
         for (slot, byte) in short.bytes.iter_mut().zip(head.iter().chain(rest)) {
             *slot = *byte;
             short.len += 1;
@@ -114,7 +115,8 @@ impl<E> Step<E> {
     /// Converts a step of one machine to a step of another. The function `event` converts the event, if the step has
     /// one.
     pub(crate) fn map<F>(self, event: impl FnOnce(E) -> Step<F>) -> Step<F> {
-        // Not covered: the copies of this match for steps that its caller cannot have there.
+        // Not covered: the kinds of steps that a caller cannot have at its place, in the copies of this match that the
+        // compiler has made for each of them.
         match self {
             Self::Transfer(transfer) => Step::Transfer(transfer),
             Self::Wait { us } => Step::Wait { us },

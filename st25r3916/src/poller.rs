@@ -279,9 +279,8 @@ impl Poller {
     }
 
     /// Takes one input and returns the next step.
-    // Not covered: inputs that the executor does not give in a state, and responses of another length than their
-    // transfer's.
     pub fn step(&mut self, input: Input<'_>) -> Step<PollerEvent> {
+        // Not covered: only this line, a transfer that has failed: none does on the bench.
         if matches!(input, Input::Failed) {
             return self.fault(Fault::Bus);
         }
@@ -292,8 +291,11 @@ impl Poller {
             _ => None,
         };
         if let Some(sending) = at_once {
+            // Not covered: the ends and events that the load of a head or a rest, which is a transfer or a wait, never
+            // leads to.
             return self.sending(sending);
         }
+        // Not covered: only this line, inputs that a state does not wait for, which the executor never gives.
         match (self.state, input) {
             (PollerState::New, _) => self.begin_bring_up(),
             (PollerState::FrameLost, _) => self.short(PollerState::Stopping, command::STOP),
@@ -302,6 +304,8 @@ impl Poller {
             }
             (PollerState::Sending(state), input) => {
                 let sending = self.sender.step(state, input);
+                // Not covered: the results that an arm of `Sender::step` does not have, in the copy of `sending` behind
+                // each of them.
                 self.sending(sending)
             }
 
@@ -311,6 +315,7 @@ impl Poller {
                 Step::Delay { us: self.bring_up.back_off_us() }
             }
             (PollerState::BringingUp, input) => {
+                // Not covered: an event at a bring-up's inputs that the executor never gives, as in `BringUp::step`.
                 let progress = self.bring_up.step(input);
                 self.progress(progress)
             }
@@ -320,26 +325,33 @@ impl Poller {
                 self.short(PollerState::CheckingConfiguration, CONFIGURATION_READ)
             }
             (PollerState::CheckingConfiguration, Input::Done(response)) => {
+                // Not covered: a response of another length than its transfer, as in `Status::parse`, and a register
+                // that has lost the bit for the oscillator.
                 match self.bring_up.role().check_configuration(response) {
                     Ok(()) if self.config.check_field => self.short(PollerState::CheckingField, DISPLAY_READ),
                     Ok(()) => self.check_setting(),
                     Err(fault) => self.fault(fault),
                 }
             }
+            // Not covered: only this line, another input, as above.
             (PollerState::CheckingField, Input::Done(response)) => {
                 const ON: u8 = reg::DISPLAY_OSC_OK | reg::DISPLAY_TX_ON;
                 match response {
+                    // Not covered: only this line, a display of another length, as above.
                     [_, display] if display & ON == ON => self.check_setting(),
                     _ => self.fault(Fault::FieldDropped),
                 }
             }
+            // Not covered: only this line, a response of another length, as above.
             (PollerState::CheckingSetting, Input::Done(response)) => match self.bring_up.check_next(response) {
                 Ok(()) => self.ready(),
                 Err(fault) => self.fault(fault),
             },
 
+            // Not covered: an input that a state does not wait for, as above.
             _ => self.fault(Fault::Executor),
         }
+        // Not covered: only this line, behind the paths above that no run takes.
     }
 
     fn short(&mut self, state: PollerState, short: Short) -> Step<PollerEvent> {
@@ -354,7 +366,8 @@ impl Poller {
     }
 
     fn progress(&mut self, progress: Progress) -> Step<PollerEvent> {
-        // Not covered: an event at the beginning of a bring-up, which always begins with a transfer.
+        // Not covered: the ends of a bring-up at its beginning, in the copy for `begin_bring_up`: it begins with a
+        // transfer.
         match progress {
             Progress::Transfer(short) => Step::Transfer(Transfer::Short(short)),
             Progress::Wait(us) => Step::Wait { us },

@@ -85,7 +85,7 @@ impl Sender {
     /// # Errors
     /// [`SendError`] if no frame can begin. Then nothing is changed.
     pub(crate) fn prepare(&mut self, len: usize, ready: bool) -> Result<Sending, SendError> {
-        // Not covered: a length that no owner asks for.
+        // Not covered: a length of 0 or above 254: each owner sends an object or a frame, whose lengths are constants.
         let Ok(len @ 1..=254) = u8::try_from(len) else {
             return Err(SendError::Length);
         };
@@ -99,16 +99,19 @@ impl Sender {
     /// Takes one input in state `state`. After [`SendState::Prepared`] the machine continues with [`Sender::head`].
     #[inline(always)]
     pub(crate) fn step(&mut self, state: SendState, input: Input<'_>) -> Sending {
-        // Not covered: inputs that the executor does not give in a state, copies that the owner's own states come
-        // before, and a frame without a rest: all are longer than a head.
+        // Not covered: only this line, inputs that a state does not wait for, which the executor never gives; the
+        // owners serve some states themselves before they call this.
         match (state, input) {
             (SendState::PreparingClear, Input::Done(_)) => {
                 let length = Short::new([command::WRITE | reg::TRANSMIT_LENGTH, self.len >> 5, self.len << 3]);
                 short(SendState::PreparingLength, length)
             }
             (SendState::PreparingLength, Input::Done(_)) => short(SendState::CheckingFifo, STATUS_READ),
+            // Not covered: only this line, in the copy for the second port, a status that is refused just at this check
+            // before a frame.
             (SendState::CheckingFifo, Input::Done(response)) => match Status::parse(response) {
                 Ok(Status { count: 0, .. }) => Sending::Prepared,
+                // Not covered: bytes in the FIFO right after it was cleared, in the copy for the second port.
                 Ok(Status { count, .. }) => Sending::Failed(Fault::FifoCount { expected: 0, found: count }),
                 Err(fault) => Sending::Failed(fault),
             },
@@ -116,25 +119,28 @@ impl Sender {
                 self.idle_irqs = 0;
                 Sending::Loaded
             }
+            // Not covered: the load of the rest, which the owner makes itself before it calls this.
             (SendState::Loaded, Input::Done(_)) => self.rest(),
             (SendState::LoadingRest, Input::Done(_)) => self.wait(),
             (SendState::Loaded | SendState::OnAir, Input::Irq) => read_irqs(false),
+            // Not covered: only this line, the end of a time while a frame is loaded: no timer runs then.
             (SendState::Loaded | SendState::OnAir, Input::Timeout) => read_irqs(true),
             (SendState::ReadingIrqs { last }, Input::Done(response)) => self.irqs(response, last),
+            // Not covered: an input that a state does not wait for, as above.
             _ => Sending::Failed(Fault::Executor),
         }
     }
 
     #[inline(always)]
     pub(crate) fn head(&self) -> Sending {
-        // Not covered: a frame that is shorter than a head, which nobody sends.
+        // Not covered: a frame that is shorter than a head: each frame is longer.
         load(SendState::LoadingHead, 0, usize::from(self.len).min(HEAD))
     }
 
     /// Continues after the transmit command: loads the rest of the payload, if there is one.
     #[inline(always)]
     pub(crate) fn rest(&self) -> Sending {
-        // Not covered: a frame without a rest, as above.
+        // Not covered: a frame without a rest: each frame is longer than a head.
         match usize::from(self.len).checked_sub(HEAD) {
             None | Some(0) => self.wait(),
             Some(rest) => load(SendState::LoadingRest, HEAD, rest),
@@ -144,9 +150,9 @@ impl Sender {
     /// Waits for the end of the frame. The time of the load counts as part of the wait. An SPI of 10 MHz, the fastest,
     /// is assumed for that time.
     fn wait(&self) -> Sending {
-        // Not covered: a frame without a rest, as above.
+        // Not covered: the limit at 0, for a frame without a rest: each frame is longer than a head.
         let rest = u32::from(self.len).saturating_sub(HEAD as u32);
-        // Not covered: an air time of whole microseconds, which no length of frame has.
+        // Not covered: an air time without a remainder in the division to µs, which no length of these frames has.
         Sending::Wait(SendState::OnAir, air_time_us(self.len) + TRANSMIT_MARGIN_US - rest * 8 / 10)
     }
 

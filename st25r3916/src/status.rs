@@ -30,7 +30,7 @@ impl Status {
     /// size, as on a line that is stuck high. [`Fault::Reset`] if the mask register has its reset value.
     /// [`Fault::Register`] if it differs from its setting in another way.
     pub(crate) fn parse(response: &[u8]) -> Result<Self, Fault> {
-        // Not covered: another length: a response is as long as its transfer.
+        // Not covered: a response of another length than its transfer: the port reports such a transfer as failed.
         let &[_, mask, main, timer, error, target, low, high] = response else {
             return Err(Fault::Bus);
         };

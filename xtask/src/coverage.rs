@@ -16,8 +16,8 @@
 //! A gap is closed by a test on the bench, or explained beside the code by a comment `Not covered`, a colon and the
 //! reason above the statement, arm or item; if the reason begins with "only this line," it holds for the first line and
 //! not for what is inlined there. Gaps in code of libraries are explained in a table ([`explained`]). The
-//! command fails on a gap without explanation in code that decides or has a deadline, and on an explanation of what is
-//! covered.
+//! command fails on a gap without explanation in code that decides or has a deadline, on an explanation of what is
+//! covered, and on one of a whole function that is executed.
 
 mod callers;
 mod dpr_runs;
@@ -146,10 +146,13 @@ pub(crate) fn coverage(args: &CoverageArgs) -> Result<ExitCode> {
     for place in &explained.needless {
         eprintln!("error: {place}: all that this explains is covered");
     }
+    for place in &explained.wide {
+        eprintln!("error: {place}: this explains a whole function that is executed, and so its next gap too");
+    }
     if explained.open > 0 {
         eprintln!("error: {} gaps in deciding code and the deadline path are not explained", explained.open);
     }
-    let holds = explained.needless.is_empty() && explained.open == 0;
+    let holds = explained.needless.is_empty() && explained.wide.is_empty() && explained.open == 0;
     Ok(if holds { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
@@ -171,8 +174,10 @@ fn measure(flown: &Flown, sources: &BTreeMap<String, Source>) -> Result<Measured
     let Flown { name, image, record } = flown;
     let origins = source::origins(image).with_context(|| format!("{name} has no source lines"))?;
     let coverage = gaps::coverage(image, record, &origins, sources).with_context(|| name.clone())?;
+    let executed = origins.iter().filter(|(address, _)| record.seen(**address).executed);
+    let executed = executed.filter_map(|(_, origin)| origin.places.first().cloned()).collect();
     let lines = origins.into_values().flat_map(|origin| origin.places).collect();
-    Ok(Measured { name: name.clone(), functions: image.functions.clone(), coverage, lines })
+    Ok(Measured { name: name.clone(), functions: image.functions.clone(), coverage, lines, executed })
 }
 
 /// Runs the images for one number of receivers through all runs, without a hold and with one.

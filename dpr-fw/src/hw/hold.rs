@@ -136,6 +136,7 @@ impl Sends for Answers {
     }
 
     fn limit_us(&self, us: u32, now_us: u32) -> u32 {
+        // Not covered: only this line, an instant for the answer that has passed: `arm` refuses such an instant.
         us + self.armed.map_or(0, |at_us| at_us.wrapping_sub(now_us).cast_signed().max(0).cast_unsigned())
     }
 
@@ -163,7 +164,8 @@ impl AnswerPort for HoldPort {
         self.timer.events_compare[HOLD_ANSWER_COMPARE].reset();
         // SAFETY: the compare register takes any value.
         self.timer.cc[HOLD_ANSWER_COMPARE].write(|w| unsafe { w.bits(at_us) });
-        // Not covered: it needs a task of a higher priority that begins within these few instructions.
+        // Not covered: a counter that has passed the compare value meanwhile: a task of a higher priority would have to
+        // begin within these few instructions.
         if is_passed(0) && self.timer.events_compare[HOLD_ANSWER_COMPARE].read().bits() == 0 {
             // The task was preempted until the counter had passed the compare value, so the timer will not start the
             // transfer in time.

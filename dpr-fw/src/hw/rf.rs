@@ -196,12 +196,14 @@ impl<W: Wiring> Port<W> {
         // SAFETY: the caller guarantees that `into` is valid for `receive` bytes, a number that fits 16 bits.
         self.spim.rxd.maxcnt.write(|w| unsafe { w.maxcnt().bits(receive as u16) });
         self.spim.events_end.reset();
-        // Not covered: only this line, since each transfer has a constant direction in which it is longer.
+        // Not covered: only this line, the comparison of both lengths: the direction in which each kind of transfer is
+        // longer is a constant.
         self.sends.carries(send.max(receive));
         self.running = true;
         // The fence keeps the compiler from moving a write to a buffer behind the start of the DMA.
         compiler_fence(Ordering::SeqCst);
-        // Not covered: only this line, since the pin's port is a constant, of which the HAL asks each time.
+        // Not covered: only this line, the other port: the pin's port is a constant, for which the HAL asks at each
+        // access.
         let Ok(()) = self.pins.select.set_low();
     }
 
@@ -223,11 +225,12 @@ impl<W: Wiring> Port<W> {
     /// Ends a transfer that is complete or was stopped. Its buffers then belong to the processor again.
     pub(super) fn finish(&mut self) {
         self.sends.disarm();
-        // Not covered: only this line, as in `set_up`.
+        // Not covered: only this line, the other port, as in `set_up`; and the copy of this function in `abort`.
         let Ok(()) = self.pins.select.set_high();
         compiler_fence(Ordering::SeqCst);
         self.running = false;
-        // Not covered: each read has its receive buffer, as in `start_read`.
+        // Not covered: a read without its receive buffer, which is missing only within `exchange`; and the copies of
+        // this function in `abort` and for a frame that is armed too late (`hw/hold.rs`).
         if let (Transfer::Read { offset, kept, .. }, Some(receive)) = (self.transfer, &mut self.receive) {
             let bytes: &mut [u8] = bytemuck::cast_slice_mut(receive.memory().as_mut_slice());
             bytes[LEAD + offset - 1] = kept;
@@ -255,7 +258,8 @@ impl<W: Wiring> executor::Port for Port<W> {
     }
 
     fn start_read(&mut self, offset: usize, len: usize) -> bool {
-        // Not covered: a receive buffer is missing only within `exchange`, which puts one back.
+        // Not covered: a read without a receive buffer, which is missing only within `exchange`, and that puts one
+        // back.
         let Some(receive) = &mut self.receive else { return false };
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(receive.memory().as_mut_slice());
         let place = LEAD + offset - 1;
@@ -272,7 +276,7 @@ impl<W: Wiring> executor::Port for Port<W> {
     }
 
     fn ended(&mut self) -> bool {
-        // Not covered: the executor asks only while a transfer runs.
+        // Not covered: only this line, no transfer: the executor asks only while one runs.
         if !self.running || !take_event!(self.spim.events_end) {
             return false;
         }
@@ -282,11 +286,14 @@ impl<W: Wiring> executor::Port for Port<W> {
 
     fn response(&self) -> Result<&[u8], Failed> {
         let received = usize::from(self.spim.rxd.amount.read().amount().bits());
-        // Not covered: a transfer that has ended has moved all of its bytes, as the model of the SPIM does.
+        // Not covered: only this line, a response of fewer bytes than the transfer has, as below, and none: the
+        // executor asks only behind a transfer.
         match (self.transfer, &self.receive) {
             // A load of the FIFO, which only the second port makes, receives no bytes. RXD.AMOUNT may then keep an
             // earlier count, so it is not compared.
             (Transfer::Short { len: 0 }, _) if cfg!(feature = "hold") => Ok(&[]),
+            // Not covered: only this line, fewer bytes than the transfer has: the SPIM sets END only when all bytes are
+            // moved.
             (Transfer::Short { len }, _) if received == len => Ok(&self.rx[..len]),
             (Transfer::Read { offset, len, .. }, Some(receive)) if received == len + 1 => {
                 let bytes: &[u8] = bytemuck::cast_slice(receive.peek().as_slice());
@@ -296,7 +303,8 @@ impl<W: Wiring> executor::Port for Port<W> {
         }
     }
 
-    // Not covered: a transfer that does not end needs an SPIM that hangs, which the bench's does not.
+    // Not covered: a transfer that does not end: it needs an SPIM that hangs, which the bench's model of the SPIM does
+    // not.
     fn abort(&mut self) {
         self.sends.disarm();
         self.spim.events_stopped.reset();
@@ -314,21 +322,23 @@ impl<W: Wiring> executor::Port for Port<W> {
     }
 
     fn irq_is_high(&mut self) -> bool {
-        // Not covered: only this line, as in `set_up`.
+        // Not covered: only this line, the other port, as in `set_up`.
         let Ok(high) = self.pins.irq.is_high();
         high
     }
 
     fn start_timer(&mut self, us: u32) {
         self.timer_from = W::now_us();
-        // Not covered: only this line, since the waits for a transfer or for time alone are longer than the shortest.
+        // Not covered: only this line, a wait that is shorter than the shortest: those for a transfer and for time
+        // alone are longer.
         let us = self.sends.limit_us(us.max(SHORTEST_US), self.timer_from);
         self.timer_us = us;
         let timer = self.timer.as_timer0();
         // SAFETY: the compare register takes any value.
         timer.cc[WAIT_COMPARE].write(|w| unsafe { w.bits(self.timer_from.wrapping_add(us)) });
         timer.events_compare[WAIT_COMPARE].reset();
-        // Not covered: no task holds this one up for as long as the shortest wait.
+        // Not covered: a counter that has passed the compare value already: no task holds this one up for as long as
+        // the shortest wait.
         if W::now_us().wrapping_sub(self.timer_from) >= us {
             // If the task was preempted for long, the counter may have passed the compare value already. Then no
             // interrupt would come.
@@ -347,14 +357,15 @@ impl<W: Wiring> rf::FrontEndPort for Port<W> {
 
     fn exchange(&mut self, with: impl FnOnce(Filling<ReceiveBuffer>) -> Filling<ReceiveBuffer>) {
         assert!(!self.running, "the receive buffer is being written");
-        // Not covered: there is a receive buffer, as in `start_read`.
+        // Not covered: only this line, no receive buffer, as in `start_read`.
         self.receive = self.receive.take().map(with);
         // Not covered: only this line, the return without a receive buffer, as above.
     }
 
     fn arrived(&self, len: usize) -> &[u8] {
         match &self.receive {
-            // Not covered: only this line, since the caller asks only when no read runs.
+            // Not covered: only this line, a read that still runs: the executor reports bytes as arrived only when no
+            // read runs.
             Some(receive) if !self.running || !matches!(self.transfer, Transfer::Read { .. }) => {
                 let bytes: &[u8] = bytemuck::cast_slice(receive.peek().as_slice());
                 bytes.get(LEAD..LEAD + len).unwrap_or(&[])

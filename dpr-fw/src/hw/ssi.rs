@@ -200,12 +200,13 @@ impl Ssi for SsiPort {
         self.spis.status.write(|w| w.overread().clear().overflow().clear());
         self.received = usize::from(self.spis.rxd.amount.read().amount().bits()).min(RECEIVE_BYTES);
         let area = self.area.as_ref().map_or(&[][..], |area| bytemuck::cast_slice(area.peek().as_slice()));
-        // Not covered: only this line, since the number of received bytes was cut to the area's size.
+        // Not covered: only this line, more bytes than the area has: the number of received bytes was cut to the area's
+        // size above.
         Events { ours, received: area.get(..self.received), over_read, overflow }
     }
 
     fn hand_over(&mut self, asked: Asked) -> HandedOver {
-        // Not covered: the area is missing only within this function, which puts one back.
+        // Not covered: no area: it is missing only within this function, which puts one back.
         let Some(area) = self.area.take() else { return HandedOver::Empty };
         let (next, handed_over) = self.areas.hand_over(area, Transaction { asked, bytes: self.received });
         self.area = Some(next);
@@ -236,7 +237,8 @@ impl Ssi for SsiPort {
         assert!(!self.granted, "the image is being streamed");
         let before = self.image.as_ref().map(Received::address);
         let (image, result) = with(self.image.take());
-        // Not covered: only this line, since there is an image from the first publication on.
+        // Not covered: only this line, no image: `Server` calls this behind a publication, so that there is one from
+        // the first call on.
         if let Some(image) = image.as_ref().filter(|image| Some(image.address()) != before) {
             super::integrity::shown(image.memory());
         }
@@ -245,8 +247,8 @@ impl Ssi for SsiPort {
     }
 
     fn load(&mut self, window: Range<usize>) -> bool {
-        // Not covered: only this line, since an image was published before the processor gets the semaphore, and the
-        // area is missing only within `hand_over`.
+        // Not covered: only this line, no image or no area: an image was published before the processor gets the
+        // semaphore, and the area is missing only within `hand_over`.
         let (Some(image), Some(area)) = (&self.image, &mut self.area) else { return false };
         let bytes: &[u8] = bytemuck::cast_slice(image.memory().as_slice());
         let window = &bytes[window];

@@ -120,10 +120,7 @@ impl<B: Memory + core::borrow::BorrowMut<ReceiveArea>> SsiEnd<'_, B> {
         }
         let memory: &mut ReceiveArea = area.memory().borrow_mut();
         // The fourth word of an area holds the object's identifier and status.
-        // Not covered: only this line, fewer bytes than a header: the bench makes such short transactions each 98 µs,
-        // and the port task takes them faster than that.
         let idle = transaction.bytes < HEADER_END || IDLE.contains(&memory[HEADER_END / 4 - 1]);
-        // Not covered: the copy for fewer bytes than a header, as above.
         memory.fill(0);
         (area, if idle { HandedOver::DroppedIdle } else { HandedOver::Dropped })
     }

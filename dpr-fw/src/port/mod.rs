@@ -179,7 +179,7 @@ impl WritePort {
     pub fn transaction(&mut self, transaction: Transaction, area: &ReceiveArea, now_us: u32) -> bool {
         self.clock.advance(now_us);
         let total = self.total;
-        // Not covered: only this line, since the port task asks the same before.
+        // Not covered: only this line, an area of zeros: the port task asks the same before it calls this.
         if brought_nothing(area) {
             return false;
         }
@@ -190,13 +190,14 @@ impl WritePort {
 
         match transaction.asked {
             Asked::Refused(violation) => self.refuse(violation, 1),
-            // Not covered: a request of two words, since a short one has less; and zeros, since an area of zeros is
-            // not judged.
+            // Not covered: in `is_idle`, the turn for four words and the one for a second word, which a short request
+            // does not have; and zeros, since an area of zeros is not judged.
             Asked::Short if !is_idle(request) => self.refuse(Violation::TooShort, 1),
             Asked::Short | Asked::Nothing | Asked::Window => {}
         }
         if !is_idle(object) {
-            // Not covered: only this line, the end of the `match` in `Violation::of_object` that is explained there.
+            // Not covered: only this line, the end of the `match` in `Violation::of_object`, for a rejection that is
+            // explained there.
             let judged = Written::verify(object).map_err(Violation::of_object);
             let done = judged.and_then(|written| self.written(written));
             self.last_refused = done.is_err();
@@ -204,11 +205,13 @@ impl WritePort {
                 self.refuse(violation, 1);
             }
         }
-        // Not covered: turns for four words, since an area has two words beyond the object.
+        // Not covered: in `is_idle`, the turns for four words at a time, into which the compiler has unrolled its loop:
+        // an area has two words beyond the object.
         if !is_idle(beyond) {
             self.refuse(Violation::TooLong, 1);
         }
-        // Not covered: the copy behind bytes that are too many, with an object of less than four words.
+        // Not covered: in `is_idle`, an object of less than four words in the path behind bytes that are too many: such
+        // bytes come only behind a whole object.
         !is_idle(object) || self.total != total
     }
 
@@ -243,9 +246,10 @@ impl WritePort {
     }
 
     fn refuse(&mut self, violation: Violation, times: u32) {
-        // Not covered: the limit of the count, which a misuse in each transaction reaches after weeks.
+        // Not covered: the limit of the sum, which takes days with a violation in every transaction.
         self.total = self.total.saturating_add(times);
-        // Not covered: more than 65 535 at once, since few transactions fit between two images.
+        // Not covered: the limit of the conversion: `times` is 1, or the number of transactions between two images that
+        // were too many, of which few fit.
         self.violations.count(violation, saturated(times));
     }
 
@@ -281,7 +285,7 @@ impl WritePort {
 
     /// Records the result of the self-test, if one was requested.
     pub fn self_test_done(&mut self, passed: bool) {
-        // Not covered: only the conditions, since the port task asks for a result only while a self-test runs.
+        // Not covered: a result that nobody waits for: the port task asks for a result only while a self-test runs.
         if core::mem::take(&mut self.self_test.running) {
             self.self_test.passed = Some(passed);
         }
@@ -321,14 +325,15 @@ impl WritePort {
                 base_station_age_ms: saturated(base_station_ms),
                 flight_controller_age_ms: saturated(flight_controller_ms),
                 violations: self.violations,
-                // Not covered: counts above 65 535: the patrol finds one damaged object after the other, and a pass
+                // Not covered: a count above 65 535: the patrol finds one damaged object after the other, and a pass
                 // over flash takes seconds.
                 integrity_faults: saturated(diagnostics.integrity_faults),
-                // Not covered: counts above 65 535, as above.
+                // Not covered: a count above 65 535, which takes days: a pass over flash takes seconds.
                 flash_passes: saturated(diagnostics.flash_passes),
-                // Not covered: counts above 65 535, as above; a buffer with stuck bits is taken out of use.
+                // Not covered: a count above 65 535: a buffer with stuck bits is taken out of use, and the least number
+                // that stays is scrubbed once for each frame.
                 stuck_bits: saturated(diagnostics.stuck_bits),
-                // Not covered: counts above 65 535, since the DPR has few buffers.
+                // Not covered: a count above 65 535, since the DPR has few buffers.
                 buffers_out_of_use: saturated(diagnostics.buffers_out_of_use),
                 last_stop: diagnostics.last_stop,
             },

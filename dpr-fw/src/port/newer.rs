@@ -30,7 +30,8 @@ impl Timestamps {
             Some((before, row)) if is_newer(timestamp, before) => row + 1,
             _ => 1,
         };
-        // Not covered: only this line, since an accepted timestamp is there before any is refused in a row.
+        // Not covered: only this line, a row without an accepted timestamp: the first timestamp is always accepted, so
+        // only a later one can begin a row.
         let accepted = self.last.is_none_or(|last| is_newer(timestamp, last)) || row == ROW;
         if accepted {
             *self = Self { last: Some(timestamp), row: None };

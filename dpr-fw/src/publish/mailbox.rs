@@ -44,7 +44,8 @@ impl<B: Memory> Scrubbable for Mailbox<B> {
     }
 
     fn scrubbed(&mut self, outcome: Outcome<B>) -> Scrubbed {
-        // Not covered: only this line, a faulty buffer that stays in use, as `triple::keep` explains.
+        // Not covered: only this line, a faulty buffer that stays in use: as `triple::keep` explains, `Exchange` gives
+        // none to the scrub then.
         self.exchange.scrubbed(outcome)
     }
 }
@@ -108,7 +109,7 @@ impl<M: Mutex<T = Mailbox<B>>, B: ImageBuffer, D: Doorbell> Images for Outbox<'_
 
     fn publish(&mut self) {
         let Self { mailbox, filling, doorbell, telemetry, .. } = self;
-        // Not covered: only this line, since an image is filled before it is published.
+        // Not covered: only this line, nothing to publish: `filling` has always put an image there before.
         if let Some(filled) = filling.take() {
             mailbox.lock(|mailbox| {
                 mailbox.exchange.publish(filled);

@@ -81,12 +81,12 @@ impl<const LEN: usize> Server<LEN> {
         let (ours, over_read, overflow) = (events.ours, events.over_read, events.overflow);
         let ended = events
             .received
-            // Not covered: only this line, since there is a slice of received bytes behind each transaction, empty or
-            // not.
+            // Not covered: only this line, a transaction without received bytes: the port always gives a slice, which
+            // may be empty.
             .map(|mosi| self.windows.transaction(mosi))
             .map(|asked| Ended { spent: self.budget.spend(), handed_over: ssi.hand_over(asked) });
-        // Not covered: only this line, since the end of a transaction gives the processor the semaphore
-        // (END_ACQUIRE), and so does a request before a call.
+        // Not covered: only this line, a call without the semaphore: the end of a transaction gives it to the processor
+        // (END_ACQUIRE), and so does a request, which comes before any other call.
         if ours {
             self.offer(ssi, &mut mailbox, telemetry);
         }
@@ -104,14 +104,15 @@ impl<const LEN: usize> Server<LEN> {
     /// Offers the newest image to the next transaction, unless it has expired. The processor must have the semaphore.
     fn offer<S: Ssi>(&mut self, ssi: &mut S, mailbox: &mut impl Mutex<T = Mailbox<S::Buffer>>, telemetry: &Telemetry) {
         let Taken { newer, announced } = mailbox.lock(|mailbox| ssi.exchange(|streamed| mailbox.take(streamed)));
-        // Not covered: only this line, the end of the other copy of the locked section.
+        // Not covered: only this line, behind the copy of the locked section for another priority, which never runs
+        // (`xtask/src/coverage/twins.rs`).
         if newer {
-            // Not covered: only this line, in a copy behind the section that has found no newer image, and asks again.
+            // Not covered: only this line, behind the copy that never runs, as above.
             self.budget = Budget::new();
         }
         // An image may expire during a transaction, after it was announced and before the transaction ended.
         let announce = newer && !announced;
-        // Not covered: only this line, as above.
+        // Not covered: only this line, behind the copy that never runs, as above.
         if !announce && ssi.is_expired() {
             telemetry.images_expired.add(1);
             return;

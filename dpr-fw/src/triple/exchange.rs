@@ -66,7 +66,7 @@ impl<B: Memory> Exchange<B> {
 
     /// Makes the image that was filled the newest one.
     pub fn publish(&mut self, filling: Filling<B>) {
-        // Not covered: only this line, the question whether the queue is full, as in `put`.
+        // Not covered: only this line, a full queue, as in `Waiting::push`.
         if let Some(unread) = self.newest.replace(filling.received(())) {
             self.dirty.push(unread.done());
         }
@@ -77,7 +77,7 @@ impl<B: Memory> Exchange<B> {
     pub fn take(&mut self, streamed: Option<Received<B, ()>>) -> (Option<Received<B, ()>>, bool) {
         match (self.newest.take(), streamed) {
             (Some(newest), streamed) => {
-                // Not covered: only this line, the question whether the queue is full, as in `put`.
+                // Not covered: only this line, a full queue, as in `Waiting::push`.
                 if let Some(streamed) = streamed {
                     self.dirty.push(streamed.done());
                 }

@@ -73,7 +73,8 @@ pub trait Scrubbable {
 /// Scrubs every buffer that waits. The lock on `buffers` is held only while a buffer is taken or put back.
 pub fn scrub_waiting<S: Scrubbable>(mut buffers: impl Mutex<T = S>) -> Scrubbed {
     let mut all = Scrubbed::default();
-    // Not covered: only this line, which the compiler has split into a path for each outcome, and asks again on each.
+    // Not covered: only this line, on the path on which `Exchange::take_dirty` gives no buffer because the least number
+    // is in use: there the compiler asks once more whether it gave one.
     while let Some(dirty) = buffers.lock(Scrubbable::take_dirty) {
         let outcome = dirty.scrub();
         all += buffers.lock(|buffers| buffers.scrubbed(outcome));
@@ -114,8 +115,9 @@ impl<const OF: u32, const LEAST: u32> InUse<OF, LEAST> {
 
 /// Returns the scrubbed buffer even if it is faulty, for a task that has no other buffer left.
 pub(crate) fn keep<B>(outcome: Outcome<B>) -> (Clean<B>, Scrubbed) {
-    // Not covered: only this line, in the copies that meet no faulty buffer while the least number is in use: at a
-    // start it is a second fault, and later `Exchange` gives none to the scrub.
+    // Not covered: only this line, a faulty buffer that must stay in use, in the copies that meet none: at the start it
+    // would be the second faulty buffer of its kind, and later `Exchange` gives none to the scrub when the least number
+    // is in use.
     match outcome {
         Ok(clean) => (clean, Scrubbed { buffers: 1, ..Scrubbed::default() }),
         Err(faulty) => {
@@ -140,19 +142,20 @@ impl<T, const N: usize> Waiting<T, N> {
     /// Every place is taken. This cannot happen without a flipped bit, because each queue has room for all buffers that
     /// can be in it.
     fn push(&mut self, item: T) {
-        // Not covered: only this line, in queues in which fewer buffers ever wait than there are places, since one is
-        // written and one is read.
+        // Not covered: only this line, the later places of a queue in which fewer buffers ever wait than it has places:
+        // one buffer is always written and one is read.
         let place = self.0.iter_mut().find(|place| place.is_none());
-        // Not covered: a queue has room for all buffers that can be in it.
+        // Not covered: a full queue: each queue has room for all buffers that can be in it, so only a flipped bit fills
+        // it.
         *place.expect("each buffer has a place") = Some(item);
     }
 
     fn pop(&mut self) -> Option<T> {
         let first = self.0.first_mut()?.take();
         for place in 1..N {
-            // Not covered: only this line, a second waiting buffer, which some queues never have (see `push`).
+            // Not covered: only this line, a second buffer that waits, in the queues that never have one (see `push`).
             if self.0[place].is_some() {
-                // Not covered: only this line, as above.
+                // Not covered: only this line, a second buffer that waits, as above.
                 self.0[place - 1] = self.0[place].take();
             }
         }

@@ -44,8 +44,8 @@ impl<B: Memory, I> Rotation<B, I> {
             let (clean, found) = rotation.in_use.admit(Dirty::new(buffer).scrub());
             all += found;
             if let Some(clean) = clean {
-                // Not covered: only this line, since one buffer at most is taken out of use, so that the first or the
-                // second is the one to write.
+                // Not covered: only this line, a third buffer as the first good one: `InUse` takes one buffer at most
+                // out of use, so the first or the second buffer is the one to write.
                 match first {
                     None => first = Some(clean.receive()),
                     Some(_) => rotation.clean.push(clean),
@@ -63,13 +63,17 @@ impl<B: Memory, I> Rotation<B, I> {
 
     /// Hands the buffer of a whole frame on to be read, and returns a clean buffer to be written.
     pub fn rotate(&mut self, filling: Filling<B>, about: I) -> (Filling<B>, Rotated) {
+        // Not covered: only this line, no clean buffer in the copy for the second port: the hold sends each 100 ms, and
+        // by then its last frame is read and its buffer scrubbed.
         match self.clean.pop() {
             Some(clean) => {
                 self.received.push(filling.received(about));
                 (clean.receive(), Rotated::Handed)
             }
             None => {
+                // Not covered: only this line, no clean buffer in the copy for the second port, as above.
                 let (clean, found) = keep(filling.discard().scrub());
+                // Not covered: only this line, no clean buffer in the copy for the second port, as above.
                 (clean.receive(), Rotated::Overrun(found))
             }
         }
@@ -78,12 +82,15 @@ impl<B: Memory, I> Rotation<B, I> {
     /// Queues the buffer of an incomplete frame for a scrub, and returns a clean buffer to be written. If none is left,
     /// scrubs the given buffer at once and also returns the result of that scrub.
     pub fn replace(&mut self, filling: Filling<B>) -> (Filling<B>, Scrubbed) {
+        // Not covered: only this line, no clean buffer: a frame would have to be given up just when the other two
+        // buffers wait to be read and to be scrubbed.
         match self.clean.pop() {
             Some(clean) => {
                 self.dirty.push(filling.discard());
                 (clean.receive(), Scrubbed::default())
             }
             None => {
+                // Not covered: only this line, no clean buffer, as above.
                 let (clean, found) = keep(filling.discard().scrub());
                 (clean.receive(), found)
             }
@@ -105,7 +112,7 @@ impl<B: Memory, I> Scrubbable for Rotation<B, I> {
     type Buffer = B;
 
     fn take_dirty(&mut self) -> Option<Dirty<B>> {
-        // Not covered: only this line, as in `Waiting::pop`.
+        // Not covered: only this line, a second buffer that waits, as in `Waiting::pop`.
         self.dirty.pop()
     }
 

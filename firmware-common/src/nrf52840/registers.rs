@@ -40,7 +40,8 @@ impl debug_port::Registers for Protection<'_> {
 
 /// Opens the debug port if the part needs that and UICR allows it ([`debug_port::open`]).
 pub fn open_debug_port(ficr: &pac::FICR, uicr: &pac::UICR) -> DebugPort {
-    // Not covered: parts of other revisions than the board's, and a locked debug port.
+    // Not covered: the parts of other revisions than the bench's, and a debug port that UICR locks: the tests of
+    // `debug_port` have both.
     debug_port::open(&mut Protection { ficr, uicr })
 }
 

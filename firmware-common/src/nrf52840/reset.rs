@@ -18,16 +18,17 @@ const LOCKUP: u32 = 1 << 3;
 /// use, counts as "other".
 #[must_use]
 pub const fn reason(bits: u32, ram_kept: bool) -> ResetReason {
-    // Not covered: a lockup, software and System OFF where only another firmware's runs have them: this one requests
-    // none, and its handler of faults causes none.
     if bits & RESETPIN != 0 {
         ResetReason::Pin
     } else if bits & DOG != 0 {
         ResetReason::Watchdog
+    // Not covered: only this line, a lockup of the DPR: its handlers of faults cause none. The hold's runs have one.
     } else if bits & LOCKUP != 0 {
         ResetReason::Lockup
+    // Not covered: only this line, a reset of the DPR by software, which it never requests. The hold's runs have one.
     } else if bits & SREQ != 0 {
         ResetReason::Software
+    // Not covered: only this line, another cause, such as System OFF, which no firmware enters.
     } else if bits != 0 || ram_kept {
         ResetReason::BrownOutOrOther
     } else {

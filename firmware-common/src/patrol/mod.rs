@@ -130,7 +130,8 @@ impl Pace {
     /// Returns the number of slices due at `now_us`, and counts them as done. Calls must be less than 71 minutes apart.
     pub fn due(&mut self, now_us: u32) -> u32 {
         let due = now_us.wrapping_sub(self.last_us) / SLICE_US;
-        // Not covered: the idle loop is never 50 ms late, since all tasks together take less than a tenth of the time.
+        // Not covered: a loop that is 50 ms late: it has the time that all tasks leave, and they take less than a tenth
+        // of it.
         if due > MOST_SLICES {
             self.last_us = now_us;
             return MOST_SLICES;
@@ -185,10 +186,10 @@ impl Patrol {
     /// Does one slice of the patrol. Every slice does the same work, unless memory differs from what it should hold.
     pub fn slice(&mut self, memory: &mut impl Memory) -> Slice {
         let guard = self.guards.changed(memory);
-        // Not covered: only this line, a slice without words: the rate is a constant above 0, and a firmware without
-        // code in RAM, such as the hold's, compares none of it.
+        // Not covered: only this line, no words of code in a slice: the rate is a constant above 0, and without code in
+        // RAM, as in the hold, the compiler has left copies that never run.
         let code = self.code(memory);
-        // Not covered: only this line, a slice without words of RAM, since the rate is a constant above 0.
+        // Not covered: only this line, no words of RAM in a slice: the rate is a constant above 0.
         Slice { code, guard, ..self.passes(memory) }
     }
 
@@ -203,13 +204,15 @@ impl Patrol {
 
     fn flash(&mut self, memory: &impl Memory) -> Option<Comparison> {
         let Layout { program, shut_end, .. } = &self.layout;
-        // Not covered: no program ends near the end of the address space, so nothing saturates.
+        // Not covered: the limit of the sum: no program ends near the end of the address space.
         let end = self.flash_at.saturating_add(4 * self.rate.flash_words).min(program.end);
-        // Not covered: a slice always has words, since a pass begins anew when its last word is read.
+        // Not covered: a slice without words: a pass begins anew as soon as its last word is read, so there is always
+        // one to read.
         let words = (self.flash_at..end).step_by(4);
-        // Not covered: a slice always has words, and HORUS denies no loads from flash.
         self.crc = profile::crc::frame_of_words_after(
             self.crc,
+            // Not covered: the other kind of load: HORUS's memory protection unit denies no loads from flash, so its
+            // `shut_end` is 0.
             words.map(|at| if at < *shut_end { memory.load_shut(at) } else { memory.load(at) }),
         );
         self.flash_at = end;
@@ -221,11 +224,12 @@ impl Patrol {
         Some(found)
     }
 
-    // Not covered: HORUS has no code in RAM, so the loop has no turns there; on the DPR it is covered.
     fn code(&mut self, memory: &impl Memory) -> Option<u32> {
         let Layout { code, code_load, .. } = &self.layout;
         let len = code.end - code.start;
         let mut differs = None;
+        // Not covered: a slice without words, since the rate is a constant above 0; and on HORUS and the hold, which
+        // have no code in RAM, all turns of the loop. On the DPR they are covered.
         for _ in 0..self.rate.code_words {
             if self.code_at >= len {
                 self.code_at = 0;

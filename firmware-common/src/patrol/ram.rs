@@ -72,8 +72,8 @@ impl Walk {
 
     fn seek(&mut self, apart: &[Range<u32>]) {
         self.next = u32::MAX..u32::MAX;
-        // Not covered: the ranges are constants, so at each place where the test looks for the next one, most
-        // comparisons have one outcome.
+        // Not covered: the ranges are constants, so that at each place where the test looks for the next range, most
+        // comparisons have only one outcome. The compiler has unrolled the loop for each such place.
         for range in apart {
             if range.end > self.at && range.start < self.next.start {
                 self.next = range.clone();
@@ -85,28 +85,27 @@ impl Walk {
     /// of these ranges takes one step.
     pub fn run(&mut self, steps: u32, used: &Range<u32>, apart: &[Range<u32>], memory: &mut impl Memory) -> Found {
         let mut found = Found::default();
-        // Not covered: only this line, a slice without steps, since the rate is a constant above 0.
+        // Not covered: only this line, a slice without steps: the rate is a constant above 0.
         for _ in 0..steps {
             if self.at < used.start {
                 self.at = used.start;
-                // Not covered: only this line, as in `seek`.
+                // Not covered: only this line, the search from the beginning, in the copies in which its constant
+                // ranges have one outcome, as in `seek`.
                 self.seek(apart);
             }
             if self.at + 8 > self.next.start {
                 // The test goes on at the first whole word after the left-out range.
                 self.at = (self.next.end + 3) & !3;
                 self.seek(apart);
-            // Not covered: the step before begins the pass anew if two words have no room, so they always have.
+            // Not covered: no room for two words: the step before begins the pass anew then.
             } else if self.at + 8 <= used.end {
                 if memory.exercise(self.at) != 0 {
                     found.fault = Some(self.at);
-                    // Not covered: only this line, in one of its two copies: a stuck bit is found by the copy that
-                    // comes to it first, that of a slice or that of what a self-test adds.
                     self.sound = false;
                 }
                 self.at += 4;
             }
-            // Not covered: no left-out range reaches the end of the RAM in use, so no pass ends behind one.
+            // Not covered: an end behind a left-out range: no such range reaches the end of the RAM in use.
             if self.at + 8 > used.end {
                 found.pass = Some(self.sound);
                 self.restart();

@@ -54,8 +54,8 @@ pub(super) fn fire(beat: u32) {
     port.outclr.write(|w| unsafe { w.bits(SELECT) });
     // SAFETY: 1 is a valid value of a task register; `arm` has set up pointers and counts.
     spim.tasks_start.write(|w| unsafe { w.bits(1) });
-    // Not covered: an end at another poll, or at none. The SPIM takes the same time for each byte, and the compiler has
-    // made copies of each poll.
+    // Not covered: an end at another poll than the usual one, or at none: the SPIM of the bench takes the same time for
+    // each byte, and the compiler has unrolled the polls.
     for _ in 0..BYTE_POLLS {
         if spim.events_end.read().bits() != 0 {
             break;
@@ -174,14 +174,15 @@ impl RfPort {
 
     fn start(&mut self, send: usize, transfer: Transfer) {
         self.set_up(send, transfer);
-        // Not covered: only this line, since the pin's port is a constant, of which the HAL asks each time.
+        // Not covered: only this line, the other port: the pin's port is a constant, for which the HAL asks at each
+        // access.
         let Ok(()) = self.pins.select.set_low();
         // SAFETY: 1 is a valid value of a task register.
         self.spim.tasks_start.write(|w| unsafe { w.bits(1) });
     }
 
     fn finish(&mut self) {
-        // Not covered: only this line, as in `start`.
+        // Not covered: only this line, the other port, as in `start`; and the copy of this function in `abort`.
         let Ok(()) = self.pins.select.set_high();
         compiler_fence(Ordering::SeqCst);
     }
@@ -195,7 +196,7 @@ impl Port for RfPort {
     }
 
     fn start_load(&mut self, offset: usize, len: usize) -> bool {
-        // Not covered: bytes beyond the frame, which the exchange does not load.
+        // Not covered: bytes beyond the frame: the exchange loads only those of the frame it was prepared for.
         let Some(bytes) = self.frame.get(offset..offset + len) else { return false };
         self.memory.send[0] = command::FIFO_LOAD;
         self.memory.send[LEAD..LEAD + len].copy_from_slice(bytes);
@@ -205,7 +206,7 @@ impl Port for RfPort {
 
     fn start_read(&mut self, offset: usize, len: usize) -> bool {
         // The state machine reads each answer in one piece, from offset 0.
-        // Not covered: a read of a part, as said above.
+        // Not covered: a read of a part, and one beyond the buffer: the state machine reads each answer in one piece.
         if offset != 0 || len > BUFFER {
             return false;
         }
@@ -226,10 +227,11 @@ impl Port for RfPort {
 
     fn response(&self) -> Result<&[u8], Failed> {
         let received = usize::from(self.spim.rxd.amount.read().amount().bits());
-        // Not covered: fewer bytes than set up, since a transfer that has ended has received all of them.
         let bytes = match self.transfer {
             Transfer::Nothing => Some(&[][..]),
+            // Not covered: only this line, fewer bytes than set up: a transfer that has ended has received all of them.
             Transfer::Short(len) => self.memory.short.get(..len).filter(|_| received == len),
+            // Not covered: only this line, fewer bytes than set up, as above.
             Transfer::Read(len) => self.memory.answer.get(LEAD..LEAD + len).filter(|_| received == LEAD + len),
         };
         bytes.ok_or(Failed)
@@ -240,7 +242,7 @@ impl Port for RfPort {
         self.spim.events_stopped.reset();
         // SAFETY: 1 is a valid value of a task register.
         self.spim.tasks_stop.write(|w| unsafe { w.bits(1) });
-        // Not covered: a stop at another poll, as in `fire`.
+        // Not covered: a stop at another poll than the usual one, as in `fire`.
         let stopped = (0..STOP_POLLS).any(|_| self.spim.events_stopped.read().bits() != 0);
         // Until the event STOPPED, the SPIM may still write to its buffers (PS v1.7, 6.25, "Low power").
         assert!(stopped, "SPIM0 does not stop");
@@ -249,20 +251,22 @@ impl Port for RfPort {
     }
 
     fn irq_is_high(&mut self) -> bool {
-        // Not covered: only this line, as in `start`.
+        // Not covered: only this line, the other port, as in `start`.
         let Ok(high) = self.pins.irq.is_high();
         high
     }
 
     fn start_timer(&mut self, us: u32) {
-        // Not covered: only this line, since the waits for a transfer or for time alone are longer than the shortest.
+        // Not covered: only this line, a wait that is shorter than the shortest: those for a transfer and for time
+        // alone are longer.
         let us = us.max(SHORTEST_US);
         self.timer_from = now_us();
         self.timer_us = us;
         // SAFETY: the compare register takes any value.
         self.timer.cc[WAIT_COMPARE].write(|w| unsafe { w.bits(self.timer_from.wrapping_add(us)) });
         self.timer.events_compare[WAIT_COMPARE].reset();
-        // Not covered: no run has the slot's interrupt, which alone preempts this, between the two readings.
+        // Not covered: a counter that has passed the compare value already: only the slot's interrupt preempts this,
+        // and no run has it between the two readings.
         if now_us().wrapping_sub(self.timer_from) >= us {
             // The counter may already have passed the compare value, if the task was preempted for long. Then no
             // interrupt would come.

@@ -177,7 +177,7 @@ impl<B: I2c, D: DelayNs> Sensors<B, D> {
             climate: self.climate,
             vibration: self.vibration.rms(),
             shock: match (readings.shock, shock) {
-                // Not covered: what `max` does with NaN, which no shock is.
+                // Not covered: the result of `max` for a NaN, which no shock is.
                 (Some(before), Some(now)) => Some(before.max(now)),
                 (before, now) => before.or(now),
             },
@@ -244,7 +244,8 @@ impl<B: I2c, D: DelayNs> Sensors<B, D> {
         let mut sensor = self.lis2dh();
         let level = sensor.read_fifo_status()?;
         telemetry.vibration_overruns.add(u32::from(level.full));
-        // Not covered: a full FIFO, which takes 80 ms: then the accelerometer has failed, and is set up anew.
+        // Not covered: a full FIFO, which takes 80 ms without a reading: by then the accelerometer counts as failed,
+        // and is set up anew.
         let count = if level.full { FIFO } else { usize::from(level.sample_count).min(FIFO) };
         let data = &mut data[..count];
         sensor.read_data(data)?;

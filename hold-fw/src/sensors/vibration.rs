@@ -66,9 +66,10 @@ impl Vibration {
             let squares = samples.iter().map(|sample| {
                 (0..3).map(|axis| f32::from(sample[axis]) - mean[axis]).map(|distance| distance * distance).sum::<f32>()
             });
-            // Not covered: what `max` does with NaN, which no square of these integers is.
+            // Not covered: the result of `max` for a NaN, which no square of these integers is; and no samples, since
+            // `take` gets at least one.
             let shock = DIGIT * libm::sqrtf(squares.fold(0.0, f32::max));
-            // Not covered: what `max` does with NaN, as above.
+            // Not covered: the result of `max` for a NaN, as above.
             self.greatest = Some(self.greatest.unwrap_or(0.0).max(shock));
         }
         self.readings[self.next] = Sums::of(samples);

@@ -18,7 +18,7 @@ pub(super) fn memory() -> [Range<u32>; 2] {
 
 /// Returns the ring of the bytes that receiver `index` has sent.
 pub fn ring(index: usize) -> &'static Ring {
-    // Not covered: an index beyond the receivers, which no source has.
+    // Not covered: an index beyond the receivers: each source has the index of its own receiver.
     &RINGS[index]
 }
 

@@ -57,9 +57,10 @@ pub fn start(rcc: pac::RCC) -> (Rcc, Source) {
         .hclk(timing::CORE_HZ.Hz())
         .pclk1(timing::APB1_HZ.Hz())
         .pclk2(timing::APB2_HZ.Hz());
-    // Not covered: the HAL's other dividers, and the over-drive for more than 168 MHz: all frequencies are constants.
+    // Not covered: the dividers of other clocks in the HAL, and the over-drive for more than 168 MHz: all frequencies
+    // are constants.
     let rcc = last_stop::unless_over(&Stop::new(Cause::ClockStart, 0, source as u32), || rcc.freeze(config));
-    // Not covered: a clock that differs, which leads to the panic.
+    // Not covered: a clock that differs, which leads to the panic: all frequencies are constants.
     assert!(
         rcc.clocks.hclk() == timing::CORE_HZ.Hz::<1, 1>()
             && rcc.clocks.timclk1() == timing::TIMER_HZ.Hz::<1, 1>()

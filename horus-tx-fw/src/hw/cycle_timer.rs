@@ -141,9 +141,9 @@ impl CycleTimer {
                 let left = tim2().cnt().read().cnt().bits();
                 // The handler waits only here, for one byte time, because chip select must not rise before the byte's
                 // end.
-                // Not covered: later polls of the SPI, as in `radio::take`.
+                // Not covered: the later polls of the SPI, which only an SPI that hangs needs, as in `radio::take`.
                 let response = radio::take();
-                // Not covered: later polls of the SPI, as in `radio::deselect`.
+                // Not covered: the later polls of the SPI, as in `radio::deselect`.
                 radio::deselect();
                 ARMED.store(0, Ordering::Release);
                 HORUS_TELEMETRY.record_fire(left.wrapping_sub(timing::SLOT_TICKS[frame]));
@@ -174,7 +174,7 @@ pub fn cycle_ended(tick: u32) {
 }
 
 pub fn take_slot() -> Option<Slot> {
-    // Not covered: a second try of the exclusive access: the only task that can interrupt it runs next 3 ms later.
+    // Not covered: a second try of the exclusive access: the only task that could interrupt it next runs 3 ms later.
     let word = SLOT.swap(0, Ordering::Acquire);
     (word & PASSED != 0).then_some(Slot {
         frame: (word >> 8 & 0xFF) as usize,

@@ -175,7 +175,7 @@ impl DdcSource {
                 self.steps.start(STEP_US);
             }
             Order::Drive { scl, sda } => {
-                // Not covered: copies for other ports, as in `hw/gpio.rs`.
+                // Not covered: the copies for pins of other ports, as in `hw/gpio.rs`.
                 gpio::write(self.port.scl.pin, scl);
                 gpio::write(self.port.sda.pin, sda);
                 self.steps.start(STEP_US);
@@ -204,7 +204,7 @@ impl DdcSource {
     }
 
     fn receive(&self, len: usize) {
-        // Not covered: a stream that did not stop, as in `dma::stop`.
+        // Not covered: only this line, a stream that did not stop: that of the bench stops at once, as in `dma::stop`.
         if dma::is_on(self.port.stream) {
             // A stream that did not stop is not started again. No byte is received then, and the transaction ends at
             // the tick.
@@ -231,7 +231,7 @@ impl DdcSource {
         }
         dma::clear_flags(self.port.stream);
         if flags.has_error() {
-            // Not covered: an error of the stream, as in `hw/spi.rs`.
+            // Not covered: an error of the stream, as in `Ddc::stream_failed`.
             let order = self.ddc.stream_failed();
             self.carry_out(order);
         } else {
@@ -244,27 +244,32 @@ impl DdcSource {
     }
 
     /// Puts a range of the bytes that DMA has written into the receiver's ring.
-    // Not covered: the end of the buffer within the range, which is as long as the longest read at most.
     fn push(&self, bytes: Range<usize>) {
+        // Not covered: only this line, a range whose end lies before its beginning: `Ddc` returns none.
         let bytes = BYTES.iter().skip(bytes.start).take(bytes.len());
+        // Not covered: the end of the buffer within the range, since the longest read fits into it; and the copies of
+        // the loop for lengths that no read has.
         buffers::ring(self.index).push(bytes.map(|byte| byte.load(Ordering::Relaxed)));
     }
 }
 
 impl Source for DdcSource {
-    // Not covered: a receiver beyond the last, as in `hw/buffers.rs`; for a read under way, errors that the interrupt
-    // has not taken, and more bytes left than requested.
     fn poll(&mut self) {
         let under_way = self.ddc.stream_under_way();
         // Errors that came between transactions are dropped. Otherwise the first of them would end the next
         // transaction.
+        // Not covered: in the copy for the tick, an error that the interrupt has not taken: no run has one between two
+        // transactions.
         let _ = self.take_events();
         let order = self.ddc.poll(self.bus());
         self.carry_out(order);
         if let Some(len) = under_way {
+            // Not covered: only this line, more bytes left than were requested: the stream counts down from that
+            // number.
             let come = len.saturating_sub(dma::left(self.port.stream));
             self.push(0..come);
         }
+        // Not covered: only this line, the telemetry of a receiver beyond the last, as in `hw/buffers.rs`.
         let (counts, line) = (self.ddc.counts(), &HORUS_TELEMETRY.sources[self.index]);
         line.recoveries.set(counts.recoveries);
         line.timed_out.set(counts.timed_out);
@@ -272,12 +277,13 @@ impl Source for DdcSource {
     }
 
     fn interrupt(&mut self, vector: Vector) {
-        // Not covered: an error of the stream, as in `hw/spi.rs`, and the end of a read that has not begun.
         match vector {
             Vector::Peripheral => {
                 let order = self.ddc.event(self.take_events());
                 self.carry_out(order);
             }
+            // Not covered: an error of the stream, as in `Ddc::stream_failed`, and the end of a read that has not
+            // begun.
             Vector::Stream => self.stream_interrupt(),
             Vector::Timer => {
                 if self.steps.is_over() {

@@ -84,12 +84,13 @@ fn controller(dma: Dma) -> &'static dma2::RegisterBlock {
 }
 
 fn registers(stream: Stream) -> &'static dma2::ST {
-    // Not covered: the controller that serves no stream of the caller.
+    // Not covered: the other controller: the compiler keeps the code for both in the copies for callers that each have
+    // a stream of one.
     controller(stream.dma).st(usize::from(stream.number))
 }
 
 const fn flag_shift(stream: Stream) -> u32 {
-    // Not covered: the numbers of streams that the caller does not have.
+    // Not covered: the numbers of streams that the caller does not have, in its copy.
     match stream.number % 4 {
         0 => 0,
         1 => 6,
@@ -99,9 +100,9 @@ const fn flag_shift(stream: Stream) -> u32 {
 }
 
 pub(super) fn flags(stream: Stream) -> Flags {
-    // Not covered: the copies for streams of the other controller.
+    // Not covered: the other controller, in the copies for callers that each have a stream of one.
     let dma = controller(stream.dma);
-    // Not covered: the register of streams that the caller does not have.
+    // Not covered: the other register, in the copies for callers whose streams are all in one.
     let word = if stream.number < 4 { dma.lisr().read().bits() } else { dma.hisr().read().bits() };
     Flags(word >> flag_shift(stream) & ALL_FLAGS)
 }
@@ -109,11 +110,11 @@ pub(super) fn flags(stream: Stream) -> Flags {
 /// Clears all flags of the stream. A stream does not start while one is set.
 pub(super) fn clear_flags(stream: Stream) {
     let dma = controller(stream.dma);
-    // Not covered: as in `flag_shift`.
+    // Not covered: the numbers of other streams, as in `flag_shift`.
     let flags = ALL_FLAGS << flag_shift(stream);
     // SAFETY: ones clear the stream's flags, and zeros do nothing; the bits belong to this stream.
-    // Not covered: the register of streams that the caller does not have, which each call has copies of.
     unsafe {
+        // Not covered: only this line, the other register, as in `flags`.
         if stream.number < 4 {
             dma.lifcr().write(|w| w.bits(flags));
         } else {
@@ -189,8 +190,8 @@ const STOP_POLLS: u32 = 128;
 /// not use the stream's memory, and only a reset helps.
 pub(super) fn stop(stream: Stream) -> Result<(), StillOn> {
     registers(stream).cr().modify(|_, w| w.en().clear_bit());
-    // Not covered: the later polls and their end. Only a stream in the middle of an access needs them; that of the
-    // bench has ended its access when the register is written.
+    // Not covered: the later polls, and their end without a stop: only a stream in the middle of an access needs them,
+    // and that of the bench has ended its access when the register is written.
     if (0..STOP_POLLS).any(|_| !is_on(stream)) {
         // The processor must not read the memory before the stream has written it.
         asm::dmb();

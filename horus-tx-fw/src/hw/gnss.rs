@@ -47,7 +47,7 @@ impl GnssLine {
     pub fn all(rcc: &mut pac::RCC) -> [Self; RECEIVERS] {
         gpio::enable_ports();
         dma::enable();
-        // Not covered: the ends of an array of another length, and the table's rows of other receivers.
+        // Not covered: the ends of an array of another length, for which the compiler has left code.
         core::array::from_fn(|index| Self {
             index,
             kind: match &PORTS[index].hardware {
@@ -64,8 +64,8 @@ impl GnssLine {
     }
 
     fn source(&mut self) -> &mut dyn Source {
-        // Not covered: the other kinds of sources: each receiver has one, which its position in the array does not tell
-        // the compiler.
+        // Not covered: the other kinds of sources: each receiver has one, but the compiler does not know it from the
+        // place in the array.
         match &mut self.kind {
             Kind::Uart(source) => source,
             Kind::Ddc(source) => source,

@@ -45,7 +45,8 @@ pub(super) fn enable_ports() {
 
 #[inline(always)]
 fn block(port: GpioPort) -> &'static gpioa::RegisterBlock {
-    // Not covered: the ports that no pin of the caller is on. A caller that holds its pins in a variable keeps all.
+    // Not covered: the ports that no pin of the caller is on: a caller that holds its pins in a variable keeps the code
+    // for all.
     let block: *const gpioa::RegisterBlock = match port {
         GpioPort::A => pac::GPIOA::ptr(),
         GpioPort::B => pac::GPIOB::ptr().cast(),
@@ -69,7 +70,7 @@ const fn with_field(word: u32, field: u8, width: u8, value: u32) -> u32 {
 }
 
 fn configure(pin: Pin, mode: u32, speed: Speed, pull: Pull) {
-    // Not covered: as in `block`.
+    // Not covered: the other ports, as in `block`.
     let port = block(pin.port);
     // SAFETY: every two-bit value of these registers is defined except 0b11 of PUPDR, which `Pull` does not have, and
     // only this pin's field changes.
@@ -82,19 +83,19 @@ fn configure(pin: Pin, mode: u32, speed: Speed, pull: Pull) {
 
 pub(super) fn alternate(alternate: AlternatePin, speed: Speed, pull: Pull) {
     let AlternatePin { pin, function } = alternate;
-    // Not covered: as in `block`.
+    // Not covered: the other ports, as in `block`.
     let port = block(pin.port);
     let function = u32::from(function & 0xF);
     // SAFETY: every four-bit value is one of the alternate functions, and only this pin's field changes.
-    // Not covered: such copies, and the other half of the pins where all pins of the caller are in one.
     unsafe {
+        // Not covered: only this line, the other half of the pins, in the copies for callers whose pins are all in one.
         if pin.number < 8 {
             port.afrl().modify(|r, w| w.bits(with_field(r.bits(), pin.number, 4, function)));
         } else {
             port.afrh().modify(|r, w| w.bits(with_field(r.bits(), pin.number - 8, 4, function)));
         }
     }
-    // Not covered: the copies that the compiler makes of this function for other ports.
+    // Not covered: the copies for other ports, as in `block`.
     configure(pin, ALTERNATE, speed, pull);
 }
 
@@ -122,13 +123,13 @@ pub(super) fn drive(pin: Pin) {
 
 /// Gives a pin back to its peripheral. Only the tasks of the receivers' sources may call this.
 pub(super) fn connect(pin: Pin) {
-    // Not covered: the copies that the compiler makes of this function for other ports.
+    // Not covered: the copies for other ports, as in `block`.
     set_mode(pin, ALTERNATE);
 }
 
 fn set_mode(pin: Pin, mode: u32) {
     // SAFETY: every two-bit value is a mode, and only this pin's field changes.
-    // Not covered: copies for other ports, as in `configure`.
+    // Not covered: the copies for other ports, as in `block`.
     block(pin.port).moder().modify(|r, w| unsafe { w.bits(with_field(r.bits(), pin.number, 2, mode)) });
 }
 
@@ -138,15 +139,15 @@ pub(super) fn input(pin: Pin, pull: Pull) {
 
 #[inline(always)]
 pub(super) fn write(pin: Pin, high: bool) {
-    // Not covered: copies for other ports, as in `configure`.
+    // Not covered: the copies for other ports, as in `block`.
     let set = 1 << pin.number;
     // SAFETY: BSRR changes only the pins whose bit is one: its low half sets them, and its high half resets them.
-    // Not covered: copies for other ports, as in `configure`.
+    // Not covered: the copies for other ports, as in `block`.
     block(pin.port).bsrr().write(|w| unsafe { w.bits(if high { set } else { set << 16 }) });
 }
 
 #[inline(always)]
 pub(super) fn is_high(pin: Pin) -> bool {
-    // Not covered: copies for other ports, as in `configure`.
+    // Not covered: the copies for other ports, as in `block`.
     block(pin.port).idr().read().bits() & 1 << pin.number != 0
 }

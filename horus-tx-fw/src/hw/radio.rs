@@ -78,7 +78,7 @@ pub(super) fn select() {
 /// Waits until the SPI has shifted its last bit out, for one byte time at most, then raises chip select. Chip select
 /// must not rise during a bit (RM0090 "SPI", disabling).
 pub(super) fn deselect() {
-    // Not covered: the SPI ends each byte in time; only one that hangs needs the later polls, and the bench's does not.
+    // Not covered: the later polls: only an SPI that hangs needs them, and the bench's ends each byte in time.
     for _ in 0..POLLS {
         if spi().sr().read().bsy().bit_is_clear() {
             break;
@@ -95,7 +95,7 @@ pub(super) fn put(byte: u8) {
 /// Waits for the byte that comes in while a byte is sent. The wait takes one byte time at most, even if the SPI hangs.
 #[inline(always)]
 pub(super) fn take() -> u8 {
-    // Not covered: as for `deselect`, only an SPI that hangs needs the later polls.
+    // Not covered: the later polls: only an SPI that hangs needs them, as in `deselect`.
     for _ in 0..POLLS {
         if spi().sr().read().rxne().bit_is_set() {
             break;
@@ -253,7 +253,7 @@ impl Port for Radio {
 
     fn start_load(&mut self, offset: usize, len: usize) -> bool {
         let start = self.frame.start + offset;
-        // Not covered: the poller loads only bytes of the frame for which it was prepared.
+        // Not covered: bytes beyond the frame: the poller loads only those of the frame for which it was prepared.
         if start + len > self.frame.end {
             return false;
         }
@@ -268,9 +268,10 @@ impl Port for Radio {
 
     fn ended(&mut self) -> bool {
         let incoming = dma::flags(SPI_IN);
-        // Not covered: a stream has an error only at an address without memory, and all addresses are those of statics.
+        // Not covered: an error of a stream, which it has only at an address without memory: all addresses are those of
+        // statics.
         self.failed = incoming.has_error() || dma::flags(SPI_OUT).has_error();
-        // Not covered: no stream has an error, as above.
+        // Not covered: an error of a stream, as above.
         if self.failed {
             self.abort();
             return true;
@@ -280,7 +281,7 @@ impl Port for Radio {
             return false;
         }
         self.finish();
-        // Not covered: later polls of the SPI, as in `deselect`.
+        // Not covered: the later polls of the SPI, as in `deselect`.
         deselect();
         compiler_fence(Ordering::Acquire);
         for (to, from) in self.response[..self.len].iter_mut().zip(&SHORT_IN) {
@@ -290,7 +291,7 @@ impl Port for Radio {
     }
 
     fn response(&self) -> Result<&[u8], Failed> {
-        // Not covered: no stream has an error, as in `ended`.
+        // Not covered: an error of a stream, as in `ended`.
         if self.failed {
             return Err(Failed);
         }
@@ -373,7 +374,7 @@ pub(super) fn field_off() {
     // (DS13541).
     for byte in [command::WRITE | 0x02, 0x00] {
         put(byte);
-        // Not covered: later polls of the SPI, as in `take`.
+        // Not covered: the later polls of the SPI, as in `take`.
         take();
     }
     deselect();

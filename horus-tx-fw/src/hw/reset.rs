@@ -37,13 +37,13 @@ pub fn note_reason() -> ResetReason {
     let reason = reset::reason(reset_flags());
     let [magic, count] = &RESETS;
     // After power-on the memory of these two words holds arbitrary values.
-    // Not covered: causes of a reset that nothing on the board requests, as in `reset::reason`.
+    // Not covered: only this line, causes of a reset that nothing on the board requests, as in `reset::reason`.
     if magic.load(Ordering::Relaxed) != MAGIC || reason == ResetReason::PowerOn {
         magic.store(MAGIC, Ordering::Relaxed);
         count.store(0, Ordering::Relaxed);
     }
-    // Not covered: a reset by another cause than the watchdog, as above.
     if reason == ResetReason::Watchdog {
+        // Not covered: a second try of the exclusive access: no interrupt is enabled yet.
         count.fetch_add(1, Ordering::Relaxed);
     }
     HORUS_TELEMETRY.watchdog_resets.set(count.load(Ordering::Relaxed));

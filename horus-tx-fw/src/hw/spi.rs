@@ -68,13 +68,13 @@ pub struct SpiSource {
 impl SpiSource {
     pub fn new(index: usize, port: &'static SpiPort, rcc: &mut pac::RCC) -> Self {
         (port.enable)(rcc);
-        // Not covered: copies for other ports, as in `hw/gpio.rs`.
+        // Not covered: the copies for other ports, as in `hw/gpio.rs`.
         gpio::output(port.chip_select, Speed::Low, true);
-        // Not covered: the copies that the compiler makes of this function for other ports.
+        // Not covered: the copies for other ports, as in `hw/gpio.rs`.
         gpio::alternate(port.sck, Speed::VeryHigh, Pull::None);
         // Without a receiver, the pull-up makes the SPI line read like that of a receiver without data.
         gpio::alternate(port.miso, Speed::Low, Pull::Up);
-        // Not covered: the copies that the compiler makes of this function for other ports.
+        // Not covered: the copies for other ports, as in `hw/gpio.rs`.
         gpio::alternate(port.mosi, Speed::Low, Pull::None);
         let steps = Steps::new(&port.timer, rcc);
         let source = Self {
@@ -111,7 +111,7 @@ impl SpiSource {
     fn carry_out(&mut self, order: Order) {
         match order {
             Order::Nothing => {}
-            // Not covered: `poll` has a copy of its own of this arm, and no other caller selects the receiver.
+            // Not covered: this arm, of which `poll` has a copy of its own: no other caller selects the receiver.
             Order::Select => {
                 gpio::write(self.port.chip_select, false);
                 self.steps.start(SETUP_US);
@@ -208,24 +208,25 @@ impl SpiSource {
 
     fn stream_interrupt(&mut self) {
         let incoming = dma::flags(self.port.stream_in);
-        // Not covered: an error. A stream has one only at an address without memory. All addresses are those of
+        // Not covered: an error of a stream. It has one only at an address without memory: all addresses are those of
         // statics, and cannot change while the stream is on (RM0090, DMA_SxPAR and DMA_SxM0AR).
         let has_error = incoming.has_error() || dma::flags(self.port.stream_out).has_error();
-        // Not covered: as above.
+        // Not covered: only this line, an error of a stream, as above.
         if !has_error && !incoming.is_complete() {
             // The task was called only to check in for the watchdog. A transfer that ends from now on leaves its flag
             // set, which calls the task again.
             return;
         }
-        // Not covered: a second copy of this, for an error.
+        // Not covered: the copy of this for an error of a stream.
         dma::clear_flags(self.port.stream_in);
-        // Not covered: the copy for an error.
+        // Not covered: the copy of this for an error of a stream.
         dma::clear_flags(self.port.stream_out);
-        // Not covered: an error, as above, and the end of a transfer that has not begun.
         let order = if has_error {
+            // Not covered: an error of a stream, as above.
             self.polling.failed()
         } else {
             // The last byte comes in after the last one was sent, so the outgoing DMA stream has ended too.
+            // Not covered: the end of a transfer that has not begun: the stream is off then.
             self.polling.transferred()
         };
         self.carry_out(order);
@@ -233,23 +234,24 @@ impl SpiSource {
 }
 
 impl Source for SpiSource {
-    // Not covered: a receiver beyond the last, as in `hw/buffers.rs`.
     fn poll(&mut self) {
         let order = self.polling.poll();
         self.carry_out(order);
+        // Not covered: only this line, the telemetry of a receiver beyond the last, as in `hw/buffers.rs`.
         let line = &HORUS_TELEMETRY.sources[self.index];
         line.recoveries.set(self.polling.recoveries());
         line.timed_out.set(self.polling.timed_out());
     }
 
     fn interrupt(&mut self, vector: Vector) {
-        // Not covered: the interrupt of the peripheral, which no row of the board's table has for SPI, and the end of a
-        // time outside of a transfer.
+        // Not covered: only this line, the interrupt of the peripheral: no row of the board's table has one for SPI.
         match vector {
             Vector::Peripheral => {}
             Vector::Stream => self.stream_interrupt(),
             Vector::Timer => {
                 if self.steps.is_over() {
+                    // Not covered: only this line, the end of a time outside of a transfer: the timer runs only within
+                    // one.
                     let order = self.polling.elapsed();
                     self.carry_out(order);
                 }
@@ -261,8 +263,8 @@ impl Source for SpiSource {
         if !self.polling.is_idle() || self.has_message {
             return Err(Busy);
         }
-        // Not covered: chunks of two bytes, and copies for other places: the lengths of the configuration messages
-        // leave one or three.
+        // Not covered: other lengths: those of the configuration messages leave one or three bytes behind words of
+        // four.
         for (word, bytes) in OUT.iter().zip(message.bytes().chunks(4)) {
             let mut four = [FILLER; 4];
             four[..bytes.len()].copy_from_slice(bytes);

@@ -51,7 +51,7 @@ impl UartSource {
             Self { index, port, registers: Registers::at((port.registers)()), writer: Writer::new(), outgoing: None };
         // A line that is not connected reads as idle, because of the pull-up.
         gpio::alternate(port.rx, Speed::Low, Pull::Up);
-        // Not covered: copies for other ports, as in `hw/gpio.rs`.
+        // Not covered: the copies for other ports, as in `hw/gpio.rs`.
         gpio::alternate(port.tx, Speed::Low, Pull::Up);
         (port.enable)(rcc);
         // SAFETY: the stream has not been used since the reset, which leaves it off.
@@ -181,25 +181,25 @@ impl UartSource {
 }
 
 impl Source for UartSource {
-    // Not covered: a receiver beyond the last, as in `hw/buffers.rs`.
     fn poll(&mut self) {
         self.look();
+        // Not covered: the ring of a receiver beyond the last, as in `hw/buffers.rs`.
         self.count_written();
     }
 
-    // Not covered: a receiver beyond the last, as in `hw/buffers.rs`, and the interrupt of a timer, which a UART does
-    // not have.
     fn interrupt(&mut self, vector: Vector) {
+        // Not covered: only this line, the interrupt of a timer, which a UART does not have.
         match vector {
             Vector::Peripheral => self.uart_interrupt(),
             Vector::Stream => self.look(),
             Vector::Timer => {}
         }
+        // Not covered: the ring of a receiver beyond the last, as in `hw/buffers.rs`.
         self.count_written();
     }
 
     fn transmit(&mut self, message: &Message) -> Result<(), Busy> {
-        // Not covered: a message is out after 5.2 ms at most, before the next tick.
+        // Not covered: a message under way: it is out after 5.2 ms at most, before the next tick.
         if self.outgoing.is_some() {
             return Err(Busy);
         }

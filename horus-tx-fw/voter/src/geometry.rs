@@ -105,14 +105,15 @@ impl Place {
         let rise = (north - self.sine * bulge) / self.along;
 
         let quarter = i64::from(QUARTER_TURN_E7) * PARTS;
-        // Not covered: no flight of these runs is near a pole; the voter's tests are.
+        // Not covered: the saturation of the conversion, since the rise is a small part of a turn; and the clamp, since
+        // a point beyond a pole is computed on the pole's other side, so that only a rounding error could exceed the
+        // pole.
         let latitude = (i64::from(self.latitude_e7) * PARTS + parts(rise)).clamp(-quarter, quarter);
-        // Not covered: no flight of these runs crosses 180 degrees; the voter's tests do.
+        // Not covered: the saturation of the conversion, since `turn` is at most half a turn.
         let longitude = i64::from(self.longitude_e7) * PARTS + parts(turn);
         let half = 2 * quarter;
         let over = if longitude > half { -2 * half } else { 0 };
         let under = if longitude < -half { 2 * half } else { 0 };
-        // Not covered: only this line, as above.
         [latitude, longitude + over + under].map(|parts| parts as f64 / (1e7 * PARTS as f64))
     }
 }

@@ -52,8 +52,9 @@ impl<T: Mark> Hold<T> {
         let next = At { ms: now_ms, mark };
         let is_near = self.shown.unwrap_or(next).leads_to(&next);
         let (since, before) = self.held.unwrap_or((now_ms, next));
-        // Not covered: only this line, a series that goes on by the root alone: results that are held back in these
-        // runs stay within the limit of each other, or jump.
+        // Not covered: only this line, in the copy for altitudes, the result of the comparison with the root alone: no
+        // run has an altitude that is held back and then steps, from one tick to the next, by more than the limit and
+        // at most 2 m more. The copy for places, which has such a step, is the same code.
         let since = if before.leads_to(&next) { since } else { now_ms };
         let has_held = now_ms.wrapping_sub(since) >= HELD_BACK_MS;
         let is_shown = is_there & may_show & (is_near | has_held);

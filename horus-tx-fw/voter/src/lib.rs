@@ -216,7 +216,8 @@ impl<const N: usize> Voter<N> {
     #[must_use]
     pub const fn excluding(excluded: u8) -> Self {
         const { assert!(N >= 1 && N <= MOST_RECEIVERS, "HORUS carries one to five receivers") }
-        // Not covered: what was kept of the excluded receivers has check words, so the mask is plausible.
+        // Not covered: a mask that no vote leads to: HORUS keeps the mask over a reset with check words, and takes an
+        // empty one if they do not fit, so only a second flip that they miss could bring it here.
         let plausible = excluded >> N == 0 && 2 * excluded.count_ones() < N as u32;
         let excluded = if plausible { excluded } else { 0 };
         Self { last: 0, excluded, agreeing_since: [None; N], places: Hold::NEW, altitudes: Hold::NEW }
@@ -344,11 +345,10 @@ fn latencies<const N: usize>(inputs: &[Input; N], candidates: u8) -> [i32; N] {
     let reference = first(candidates, &lags);
     let lags = lags.map(|lag| {
         let off = lag.wrapping_sub(reference);
-        // Not covered: only this line, since the runs begin in the first half of a week, so that lags, which count from
-        // the start, exceed half a week, and only the other correction occurs.
         let off = if off > HALF_A_WEEK_MS { off - WEEK_MS as i32 } else { off };
         let off = if off < -HALF_A_WEEK_MS { off + WEEK_MS as i32 } else { off };
-        // Not covered: the clamp: both lags are below a week, so half a week is the most that the corrections leave.
+        // Not covered: the clamp, a defence against a lag of a week or more: `Pace` states each lag modulo a week, so
+        // the corrections above leave half a week at most.
         off.clamp(-HALF_A_WEEK_MS, HALF_A_WEEK_MS)
     });
     let [low, high] = middle_two(lags, candidates, HALF_A_WEEK_MS);
@@ -492,7 +492,7 @@ fn greatest<const N: usize>(brought: &[Brought; N], of: impl Fn(&Brought) -> f32
 
 /// Returns the median of the members' attitudes, angles on the circle, if a quorum has one and each pair agrees.
 fn attitude<const N: usize>(inputs: &[Input; N], members: u8) -> Option<[f32; 3]> {
-    // Not covered: an angle beyond `ANGLE_MAX`: the greatest that NAV-ATT can state is 375 rad.
+    // Not covered: an angle beyond `ANGLE_MAX`, which no message can state: the 32 bits of NAV-ATT reach 375 rad.
     let oriented = members & mask_of(inputs, |input| are_within(input.attitude, ANGLE_MAX));
     let mut agree = is_quorum::<N>(oriented);
     let mut attitude = [0.0; 3];
@@ -509,12 +509,13 @@ fn attitude<const N: usize>(inputs: &[Input; N], members: u8) -> Option<[f32; 3]
 
 /// Returns the median of the members' accelerations by axis, if a quorum has one and each pair of them agrees.
 fn acceleration<const N: usize>(inputs: &[Input; N], members: u8) -> Option<[f32; 3]> {
-    // Not covered: an acceleration beyond the greatest `f32`, which ESF-INS cannot state.
+    // Not covered: an acceleration beyond the greatest `f32`, which no message can state: ESF-INS has 32 bits of 0.01
+    // m/s².
     let moved = members & mask_of(inputs, |input| are_within(input.acceleration, f32::MAX));
     let mut agree = is_quorum::<N>(moved);
     let mut acceleration = [0.0; 3];
     for (axis, middle) in acceleration.iter_mut().enumerate() {
-        // Not covered: as above.
+        // Not covered: an acceleration beyond the greatest `f32`, as above, for which `axis_of` returns 0.
         let values = axis_of(inputs, |input| input.acceleration, axis, f32::MAX);
         let spread;
         (*middle, spread) = median_and_spread(values, moved);

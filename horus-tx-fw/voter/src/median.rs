@@ -41,7 +41,8 @@ fn ordered<T: Copy + PartialOrd, const N: usize>(values: [T; N], among: u8, grea
             sorted[low + 1] = if swap { a } else { b };
         }
     }
-    // Not covered: the places for fewer than two members: their caller has no result then, and leaves before.
+    // Not covered: index 0 as the upper one of the middle two, which only a mask of fewer than two members has: the
+    // callers have no result then, and the compiler has made them skip this.
     let at = |wanted: usize| {
         sorted.iter().enumerate().fold(greatest, |found, (index, value)| if index == wanted { *value } else { found })
     };

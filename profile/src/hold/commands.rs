@@ -109,7 +109,8 @@ impl Memory {
             }
         };
         self.seen = Some(seen);
-        // Not covered: only this line, since the uplink was seen before now.
+        // Not covered: only this line, the limit of the subtraction at 0: `since_ms` is an earlier value of the same
+        // clock, which does not go back.
         if now_ms.saturating_sub(seen.since_ms) > u64::from(COMMAND_AGE_MS) {
             Age::TooOld
         } else if seen.is_later {
@@ -127,8 +128,9 @@ impl Memory {
         if command.word.get() == 0 || !is_newer(number, self.acknowledged.number()) {
             return;
         }
-        // Not covered: only this line, a command that is seen for more than a second: the DPR hands an uplink on for a
-        // second at most.
+        // Not covered: only this line, in the copy for the base station, an uplink that is seen with one timestamp for
+        // more than a second: the DPR hands an uplink on for a second at most. The copy for the flight controller has
+        // it.
         let outcome = match (age, command.command()) {
             (Age::Unknown, _) => return,
             (Age::TooOld, _) => Outcome::TooOld,
@@ -215,9 +217,10 @@ impl Commands {
         // Both uplinks are verified before either command is executed, so that the work does not depend on the
         // commands.
         let uplinks = (answer.uplink::<BaseStation>(), answer.uplink::<FlightController>());
-        // Not covered: only this line, the path behind an uplink of another size, which no answer has.
+        // Not covered: only this line, in the path behind an uplink of another size, which no answer has:
+        // `Answer::uplink` takes constant parts of it.
         if let Ok(uplink) = uplinks.0 {
-            // Not covered: only this line, a command that is too old, as in `Memory::take`.
+            // Not covered: only this line, the outcome of a command that is too old, as in `Memory::take`.
             self.base_station.take(uplink, now_ms, |command| execute(Function::BaseStation, command));
         }
         if let Ok(uplink) = uplinks.1 {

@@ -64,7 +64,8 @@ impl Intake {
 }
 
 fn is_within_expiry(since_us: u64, now_us: u64) -> bool {
-    // Not covered: only this line, since the frame was heard before now.
+    // Not covered: only this line, the limit of the subtraction at 0: the frame was heard before now, on the same
+    // clock.
     now_us.saturating_sub(since_us) < 1_000 * u64::from(EXPIRY_MS)
 }
 

@@ -336,6 +336,14 @@ fn memory(addresses: &Addresses) -> Script {
     // The clocks differ by more than a crystal can, over more than a window of their comparison.
     script.add(Fault::Drift(Board::Horus, 25_000_000), 100 * HORUS.apart as i64, 250 * HORUS.apart);
     script.frame += 400;
+    // Short transactions while the port task is dead, until no area is clean. The watchdog restarts the DPR.
+    script.add(Fault::FlightController(Conduct::Every { bytes: 9, period_ns: 98 * US }), 0, 30 * HORUS.apart);
+    for (task, (name, _)) in (0..).zip(tasks_of(Board::Dpr)) {
+        if *name == "port" {
+            script.add(Fault::DeadTask(Board::Dpr, task), 10 * MS as i64, 0);
+        }
+    }
+    script.frame += 70;
     script
 }
 

@@ -13,6 +13,7 @@
 //! A function is meant by its own name, and by the names of functions that the compiler has inlined into others.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::RangeInclusive;
 
 use anyhow::{Context, Result, bail};
 
@@ -30,6 +31,8 @@ pub(super) struct Measured {
     pub(super) coverage: Coverage,
     /// The source lines of which the image has code.
     pub(super) lines: BTreeSet<Place>,
+    /// The source lines of which code was executed.
+    pub(super) executed: BTreeSet<Place>,
 }
 
 /// The table, from the root of the workspace.
@@ -117,6 +120,8 @@ pub(super) struct Explained {
     pub(super) open: u64,
     /// Explanations of what is covered.
     pub(super) needless: Vec<Place>,
+    /// Explanations of a whole function that is executed, which would also explain its next gap.
+    pub(super) wide: Vec<Place>,
 }
 
 /// The gaps of one part of an image.
@@ -197,6 +202,8 @@ pub(super) fn explain(measured: &[Measured], sources: &BTreeMap<String, Source>,
             };
             if !used.contains(&at) && explanation.lines.clone().any(is_flown) {
                 explained.needless.push(at);
+            } else if explanation.function && is_any_executed(measured, file, &explanation.lines) {
+                explained.wide.push(at);
             }
         }
     }
@@ -204,6 +211,12 @@ pub(super) fn explain(measured: &[Measured], sources: &BTreeMap<String, Source>,
     let stale = stale.map(|(reason, _)| Place { file: TABLE.to_owned(), line: reason.line });
     explained.needless.extend(stale);
     explained
+}
+
+/// Whether code of any of these lines of `file` was executed.
+fn is_any_executed(measured: &[Measured], file: &str, lines: &RangeInclusive<u32>) -> bool {
+    let all = measured.iter().flat_map(|measured| &measured.executed);
+    all.into_iter().any(|place| place.file == file && lines.contains(&place.line))
 }
 
 #[cfg(test)]
@@ -229,8 +242,25 @@ mod tests {
     fn explained_by(table: &str, gap: Gap) -> Explained {
         let coverage = Coverage { counts: BTreeMap::new(), gaps: vec![gap] };
         let functions = vec![Function { name: "compiler_builtins::mem::memmove".into(), start: 0x100, end: 0x200 }];
-        let measured = [Measured { name: "hold-fw".into(), functions, coverage, lines: BTreeSet::new() }];
+        let (lines, executed) = (BTreeSet::new(), BTreeSet::new());
+        let measured = [Measured { name: "hold-fw".into(), functions, coverage, lines, executed }];
         explain(&measured, &BTreeMap::new(), parse(table).unwrap())
+    }
+
+    #[test]
+    fn an_explanation_of_a_function_that_is_executed_is_too_wide() {
+        let source = crate::coverage::source::read("// Not covered: it hangs.\nfn f() {\n    g();\n}\n");
+        let place = |line| Place { file: "rf.rs".into(), line };
+        let wide_if = |executed: &[u32]| {
+            let functions = vec![Function { name: "f".into(), start: 0x100, end: 0x200 }];
+            let gap = Gap { places: vec![place(3)], library: String::new(), ..gap(Missing::Execution) };
+            let coverage = Coverage { counts: BTreeMap::new(), gaps: vec![gap] };
+            let executed = executed.iter().map(|line| place(*line)).collect();
+            let measured = [Measured { name: "f".into(), functions, coverage, lines: [place(3)].into(), executed }];
+            explain(&measured, &[("rf.rs".to_owned(), source.clone())].into(), vec![]).wide
+        };
+        assert_eq!(wide_if(&[2]), [place(1)]);
+        assert!(wide_if(&[]).is_empty() && wide_if(&[9]).is_empty());
     }
 
     #[test]

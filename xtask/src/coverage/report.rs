@@ -208,7 +208,8 @@ mod tests {
         };
         let coverage = Coverage { counts: BTreeMap::new(), gaps: vec![gap] };
         let functions = vec![Function { name: "judge".into(), start: 0x100, end: 0x200 }];
-        let all = [Measured { name: "dpr-fw".into(), functions, coverage, lines: [place].into() }];
+        let (lines, executed) = ([place].into(), [].into());
+        let all = [Measured { name: "dpr-fw".into(), functions, coverage, lines, executed }];
         let open = text(&all, &Explained::default());
         assert_eq!(open, "dpr-fw\n  judge\n    dpr-fw/src/link.rs:7: 1 x branch never taken\n");
         let explained = Explained { gaps: [(0, 0x100, Missing::Taken)].into(), ..Explained::default() };

@@ -1,8 +1,8 @@
 //! Runs that visit the failures of one part after the other, each once and at a time of its own.
 
 use bench::faults::{
-    Board, BufferFault, Buffers, ChipFault, Conduct, Fault, Faults, FrontEndFault, HoldBoardFault, HoldFault, Kind,
-    PowerFault, ReceiverFault, Rng, Upset,
+    Board, BufferFault, Buffers, ChipFault, Conduct, Fault, Faults, FrontEndFault, HoldBoardFault, HoldFault,
+    ImageFault, Kind, PowerFault, ReceiverFault, Rng, Upset,
 };
 
 use super::run::{Addresses, Run};
@@ -21,12 +21,22 @@ const RESTART: u64 = 900 * MS;
 /// The number of receivers' faults that separate the receivers: each has another fault at any time.
 const APART: u64 = 450 * MS;
 
+/// By how much a receiver's time of week jumps, ms. A flight begins at 295,200,000, so that the lag of a receiver
+/// behind HORUS's clock exceeds half a week, and after the last jump it is nearly 0.
+const TIME_JUMPS: [i32; 3] = [400_000_000, -400_000_000, 305_000_000];
+
 /// How far behind the beginning of the RAM the bit lies that gets stuck, bytes. The test of RAM takes 0.4 s (HORUS) or
 /// 1.25 s (the DPR) to get there.
 const STUCK_AT: u32 = 4 * 1_000;
 
+/// The time in which HORUS's patrol compares all of flash, and a little more, ns: 16 words in 2.4 ms.
+const FLASH_PASS: u64 = 5_000 * MS;
+
 /// The time in which all code in RAM is compared with flash, ns: 6.4 KiB each second.
 const CODE_PASS: u64 = 8_500 * MS;
+
+/// The time in which the DPR's patrol finds the bit by itself, ns. Then the flight controller's self-tests find it too.
+const WITHOUT_SELF_TEST: u64 = 2_500 * MS;
 
 /// The time from a restart until a bit gets stuck, ns: behind the test at the start.
 const BEHIND_START: u64 = 150 * MS;
@@ -52,9 +62,8 @@ pub(super) fn runs(gps: usize, seed: u64, addresses: &Addresses, hold: bool) -> 
     add("misreads", misreads(boards, hold));
     add("stuck bits of buffers", stuck_buffers());
     add("interrupts without a task", without_task(boards));
-    let Addresses { ram, guards, hot, .. } = addresses;
     for (nth, board) in [Board::Horus, Board::Dpr].into_iter().enumerate().filter(|(_, board)| boards.contains(board)) {
-        let script = faulty_memory(board, ram[nth], guards[nth], hot[nth]);
+        let script = faulty_memory(board, addresses, nth);
         add(&format!("faulty memory of {}", bench::faults::name_of(board)), script);
     }
     if !hold {
@@ -179,10 +188,13 @@ fn without_task(boards: &[Board]) -> (Faults, u64) {
     one_after_the_other(flips, UP, [0, MS])
 }
 
-/// A bit of the guard word at `guard` flips, and one of the last word of code before `hot`, if there is any: it is a
-/// table's, without which the firmware runs. Then a bit of RAM behind `ram` gets stuck behind a start, and is stuck at
-/// the next start.
-fn faulty_memory(board: Board, ram: u32, guard: u32, hot: u32) -> (Faults, u64) {
+/// A bit of a guard word of `board`, which is number `nth`, flips, and one of the last word of code in RAM, if there is
+/// any: it is a table's, without which the firmware runs. HORUS's program no longer fits its CRC, as the DPR's does not
+/// in [`super::dpr_runs`]. Then a bit of RAM gets stuck behind a start, and is stuck at the next start. The flight
+/// controller is silent at first, since each self-test lets the DPR's patrol begin anew.
+fn faulty_memory(board: Board, addresses: &Addresses, nth: usize) -> (Faults, u64) {
+    let Addresses { crcs, ram, guards, hot, .. } = addresses;
+    let (crc, ram, guard, hot) = (crcs[nth], ram[nth], guards[nth], hot[nth]);
     let pin = Fault::Power(board, PowerFault::Pin);
     let (mut faults, mut at) = (Faults::none(), UP);
     let code = (hot != 0).then_some((hot.saturating_sub(4), CODE_PASS));
@@ -190,9 +202,17 @@ fn faulty_memory(board: Board, ram: u32, guard: u32, hot: u32) -> (Faults, u64) 
         faults = faults.with(at, at, Fault::Upset(board, Upset::Ram { address, bit: 4 }));
         at += found + RESTART;
     }
+    if board == Board::Horus {
+        let wrong = ImageFault::Patch { address: crc, bytes: vec![0; 4], sealed: false };
+        faults = faults.with(at, at + FLASH_PASS, Fault::Image(board, wrong));
+        at += FLASH_PASS + RESTART;
+    }
     let sticks = at + BEHIND_START;
     let again = at + 4_500 * MS;
     let stuck = Upset::Stuck { address: ram + STUCK_AT, bit: 5, value: true };
+    if board == Board::Dpr {
+        faults = faults.with(at, at + WITHOUT_SELF_TEST, Fault::FlightController(Conduct::Silent));
+    }
     faults = faults.with(at, at, pin.clone()).with(sticks, sticks, Fault::Upset(board, stuck));
     (faults.with(again, again, pin), again + RESTART)
 }
@@ -224,14 +244,17 @@ fn receivers(gps: usize, seed: u64) -> (Faults, u64) {
         faults = joined(faults, &more);
         end = end.max(until);
     }
-    // Each receiver is silent until its values are too old, and then its week is another one.
-    let half_a_week = 400_000_000;
+    // Each receiver is silent until its values are too old, and then its time of week jumps. At the last of its jumps
+    // the first receiver has no position, so that its lag is compared with one that is smaller by half a week.
     for receiver in 0..gps {
-        let each =
-            [ReceiverFault::Silent, ReceiverFault::TimeJumps(half_a_week), ReceiverFault::TimeJumps(-half_a_week)];
+        let jumps = TIME_JUMPS.map(ReceiverFault::TimeJumps);
+        let each = std::iter::once(ReceiverFault::Silent).chain(jumps);
         let each = each.map(|fault| Fault::Receiver(receiver, fault));
         let (more, until) = one_after_the_other(each, end, [1_200 * MS, 300 * MS]);
         (faults, end) = (joined(faults, &more), until);
+        if receiver != 0 {
+            faults = faults.with(end - 900 * MS, end - 300 * MS, Fault::Receiver(0, ReceiverFault::NoFix));
+        }
     }
     (faults, end)
 }

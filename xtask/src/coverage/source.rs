@@ -109,7 +109,7 @@ pub(super) fn origins(image: &Image) -> Result<BTreeMap<u32, Origin>> {
 }
 
 /// What the comments of one source say about its lines.
-#[derive(Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Source {
     /// The lines of calls of the logger's macros.
     pub(super) logs: BTreeSet<u32>,
@@ -125,6 +125,8 @@ pub(super) struct Explanation {
     pub(super) lines: RangeInclusive<u32>,
     /// Whether it explains only the first of these lines, and nothing that is inlined there.
     pub(super) alone: bool,
+    /// Whether these lines are a whole function.
+    pub(super) function: bool,
 }
 
 impl Explanation {
@@ -150,14 +152,22 @@ pub(super) fn read(text: &str) -> Source {
         if let Some(reason) = line.trim_start().strip_prefix(EXPLANATION) {
             let more = lines[index + 1..].iter().take_while(|line| line.trim_start().starts_with("//"));
             let from = index + 1 + more.count();
+            let function =
+                lines[from..].iter().find(|line| !line.trim_start().starts_with("#[")).is_some_and(is_function);
             let (lines, alone) = (from as u32 + 1..=end_of(&lines, from), reason.starts_with(ALONE));
-            source.explained.push(Explanation { at: number, lines, alone });
+            source.explained.push(Explanation { at: number, lines, alone, function: function && !alone });
         }
         if line.contains("defmt::") && line.contains("!(") {
             source.logs.extend(number..=end_of(&lines, index));
         }
     }
     source
+}
+
+/// Whether a line begins a function.
+fn is_function(line: &&str) -> bool {
+    let mut words = line.split_whitespace();
+    words.find(|word| !["const", "unsafe"].contains(word) && !word.starts_with("pub")) == Some("fn")
 }
 
 /// The number of the line, from 1, on which the brackets close that are opened from line `from` (counted from 0) on.
@@ -206,9 +216,18 @@ mod tests {
         let text = "fn f() {\n    // Not covered: no test can.\n    // It takes a year.\n    if x {\n        y();\n\
                     \x20   }\n    z();\n    // Not covered: of the arm.\n    A => 1,\n}\n";
         let explained = read(text).explained;
-        assert_eq!(explained[0], Explanation { at: 2, lines: 4..=6, alone: false });
-        assert_eq!(explained[1], Explanation { at: 8, lines: 9..=9, alone: false });
+        assert_eq!(explained[0], Explanation { at: 2, lines: 4..=6, alone: false, function: false });
+        assert_eq!(explained[1], Explanation { at: 8, lines: 9..=9, alone: false, function: false });
         assert_eq!(explained.len(), 2);
+    }
+
+    #[test]
+    fn an_explanation_above_a_function_is_of_the_whole_function() {
+        for head in ["fn f() {", "    pub(super) const fn f() {", "#[inline(never)]\nfn f() {"] {
+            assert!(read(&format!("// Not covered: it hangs.\n{head}\n}}\n")).explained[0].function, "{head}");
+        }
+        assert!(!read("// Not covered: it hangs.\ncall(fn_of(x));\n").explained[0].function);
+        assert!(!read("// Not covered: only this line, it hangs.\nfn f() {\n}\n").explained[0].function);
     }
 
     #[test]

@@ -6,14 +6,16 @@
 use bench::faults::Rng;
 use gnss_sim::ubx::{CLASS_ESF, EsfIns, NavAtt, NavPvt, WEEK_MS, frame};
 
-/// Latitude and longitude of each part of a recording, 1e-7 degrees.
-const PLACES: [[i32; 2]; 6] = [
+/// Latitude and longitude of each part of a recording, 1e-7 degrees. A metre west of the last place is beyond 180
+/// degrees.
+const PLACES: [[i32; 2]; 7] = [
     [475_000_000, 85_000_000],
     [0, 1_799_999_900],
     [-300_000_000, -1_799_999_900],
     [899_999_900, 100_000_000],
     [-899_999_300, -1_000_000_000],
     [475_000_000, 85_000_000],
+    [0, -1_799_999_970],
 ];
 
 /// From this longitude on a receiver may state the other side of 180 degrees, 1e-7 degrees.
