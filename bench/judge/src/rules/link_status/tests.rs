@@ -196,6 +196,66 @@ fn a_field_that_is_away_must_be_told_soon() {
 }
 
 #[test]
+fn a_field_that_goes_away_twice_must_be_told_as_soon() {
+    let mut run = Run::new(3).hit_all(20..35, &Air::Lost);
+    let off = run.tick(20) - MS;
+    let heard = |at, on| Event { at, what: What::FieldHeard { on } };
+    run.extra = vec![heard(off, false), heard(off + 25 * MS, false), heard(run.tick(34), true)];
+    let tells = |values: &mut LinkValues| values.status = values.status.with_no_field(true);
+    assert_eq!(run.broken(within(off + 45 * MS..run.tick(36), tells)), [Violation::LinkFlags]);
+}
+
+#[test]
+fn no_field_may_be_told_until_130_ms_after_the_start() {
+    let run = Run { control: MS, ..Run::new(1) };
+    let tells = |at| {
+        run.broken(move |images: &mut Vec<Image>| {
+            let image = images.iter_mut().find(|image| image.at > 116 * MS).unwrap();
+            image.at = at;
+            image.link.status = image.link.status.with_no_field(true);
+        })
+    };
+    let over = |at| tells(at).contains(&Violation::LinkFlagsOver);
+    assert_eq!((over(130 * MS - 1), over(130 * MS)), (false, true));
+}
+
+#[test]
+fn no_field_may_be_told_until_30_ms_after_a_front_ends_recovery() {
+    let over = 220 * MS + bounds::FRONT_END_RECOVERY + bounds::FIELD_TOLD;
+    let tells = |at| {
+        let mut run = Run { cycles: 60, control: MS, ..Run::new(1) };
+        run.extra.push(Event { at: 200 * MS, what: injected(DPR_FRONT_END, 220 * MS) });
+        run.broken(move |images: &mut Vec<Image>| {
+            let image = images.iter_mut().find(|image| image.at + 10 * MS > at).unwrap();
+            image.at = at;
+            image.link.status = image.link.status.with_no_field(true);
+        })
+        .contains(&Violation::LinkFlagsOver)
+    };
+    assert_eq!((tells(over - 1), tells(over)), (false, true));
+}
+
+#[test]
+fn no_field_may_be_told_until_a_frame_was_certainly_received_in_the_field() {
+    let broken = |heard: std::ops::Range<u32>, told: std::ops::Range<u64>| {
+        let lost = (20..60).filter(|cycle| !heard.contains(cycle));
+        let mut run = Run { cycles: 60, ..Run::new(3) }.hit_all(lost, &Air::Lost);
+        let on = run.tick(34);
+        run.extra =
+            [(run.tick(20) - MS, false), (on, true)].map(|(at, on)| Event { at, what: What::FieldHeard { on } }).into();
+        let tells = |values: &mut LinkValues| values.status = values.status.with_no_field(true);
+        let from = run.tick(20) + 20 * MS;
+        run.broken(|images| {
+            within(from..on + told.start, tells)(images);
+            within(on + told.start..on + told.end, tells)(images);
+        })
+    };
+    assert_eq!(broken(50..60, 40 * MS..150 * MS), [], "no frame");
+    assert_eq!(broken(35..38, 40 * MS..150 * MS), [], "the listener may not have been armed");
+    assert_eq!(broken(50..60, 40 * MS..180 * MS), [Violation::LinkFlagsOver], "frames");
+}
+
+#[test]
 fn the_flags_of_a_damaged_cycle_say_so() {
     for n in RECEIVERS {
         let run = Run::new(n).hit(20, 0, Air::Hit(vec![1]));
@@ -235,6 +295,30 @@ fn a_frozen_and_a_restarted_horus_are_told() {
             let broken = run.broken(of(&run, cycle, |values| flip(values, 3)));
             assert_eq!(broken, [wrong], "{n} receivers, {cycle}");
         }
+    }
+}
+
+#[test]
+fn a_restart_is_told_for_a_second() {
+    let run = Run { cycles: 140, horus_starts: vec![20], control: MS / 2, ..Run::new(3) }.hit_all(24..=140, &Air::Lost);
+    let broken = |after: u64, told: bool| {
+        run.broken(|images| {
+            let first = images.iter().position(|image| image.link.status.horus_restarted()).unwrap();
+            let frame = (20..24).map(|cycle| run.end(cycle)).rfind(|end| *end < images[first].at).unwrap();
+            let image = images.iter_mut().find(|image| image.at > frame + 990 * MS).unwrap();
+            image.at = frame + after;
+            image.link.status = image.link.status.with_horus_restarted(told);
+        })
+    };
+    // The judge accepts either value within 2 ms.
+    for (after, told, wrong) in [
+        (998 * MS - 1, false, Some(Violation::LinkFlags)),
+        (998 * MS, false, None),
+        (1_002 * MS - 1, true, None),
+        (1_002 * MS, true, Some(Violation::LinkFlagsOver)),
+    ] {
+        let flags = |kind: &Violation| matches!(kind, Violation::LinkFlags | Violation::LinkFlagsOver);
+        assert_eq!(broken(after, told).into_iter().find(flags), wrong, "{after} ns");
     }
 }
 
@@ -327,6 +411,52 @@ fn a_front_end_fault_excuses_neither_time_nor_reset_reason() {
     assert_eq!(run.broken(within(201 * MS..u64::MAX, upset)), [Violation::LinkTime]);
 }
 
+/// Whether the judge finds a wrong flag if the DPR's front end does not answer from 200 to 400 ms, and the image at `at`
+/// states `told`.
+fn silent_front_end(run: Run, at: u64, told: LinkStatusBits) -> bool {
+    let fault = Event { at: 200 * MS, what: injected(DPR_FRONT_END, 400 * MS) };
+    let mut run = Run { cycles: 60, control: MS, ..run }.hit_all(18..=60, &Air::Lost);
+    run.extra.push(fault);
+    let broken = run.broken(|images| {
+        for image in images.iter_mut().filter(|image| image.at > 200 * MS) {
+            image.link.status = image.link.status.with_front_end_fault(true);
+        }
+        let image = images.iter_mut().find(|image| image.at + 6 * MS > at).unwrap();
+        let reason = image.link.status.reset_reason().unwrap();
+        image.at = at;
+        image.link.status = told.with_reset_reason(reason).with_unasked_reset(image.link.status.unasked_reset());
+    });
+    broken.contains(&Violation::LinkFlags)
+}
+
+#[test]
+fn a_silent_front_end_must_be_told_after_40_ms_until_it_answers() {
+    let bits = LinkStatusBits::new();
+    let wrong = |at| silent_front_end(Run::new(3), at, bits);
+    assert_eq!([240 * MS - 1, 240 * MS, 400 * MS - 1, 400 * MS].map(wrong), [false, true, true, false]);
+    let told = bits.with_front_end_fault(true);
+    let wrong = |told| silent_front_end(Run::new(3), 300 * MS, told);
+    assert_eq!(
+        [told, told.with_link_up(true), told.with_all_accepted(true), bits].map(wrong),
+        [false, true, true, true]
+    );
+}
+
+#[test]
+fn a_silent_front_end_must_be_told_40_ms_after_a_start() {
+    let run = Run { dpr_start: Some((210 * MS, Cause::Pin, ResetReason::Pin)), ..Run::new(3) };
+    let wrong = |at| silent_front_end(run.clone(), at, LinkStatusBits::new());
+    assert_eq!([350 * MS - 1, 350 * MS].map(wrong), [false, true]);
+}
+
+#[test]
+fn a_dead_task_may_not_tell_of_a_silent_front_end() {
+    let dead = Disturbance::DeadTask { board: Board::Dpr, task: 0 };
+    let extra = vec![Event { at: 300 * MS, what: injected(dead, 300 * MS) }];
+    let wrong = |at| silent_front_end(Run { extra: extra.clone(), ..Run::new(3) }, at, LinkStatusBits::new());
+    assert_eq!([300 * MS - 1, 300 * MS].map(wrong), [true, false]);
+}
+
 #[test]
 fn the_time_starts_with_the_dpr_and_goes_on_with_it() {
     for n in RECEIVERS {
@@ -377,6 +507,24 @@ fn an_image_that_fresh_has_not_announced_is_not_asked() {
     let own = |kind: &Violation| *kind >= Violation::LinkAge && *kind <= Violation::LinkTime;
     assert_eq!(crate::judge(&log).kinds().filter(own).count(), 0);
     assert_eq!(run.broken(&wrong), [Violation::LinkAgeOver]);
+}
+
+#[test]
+fn a_rise_of_fresh_announces_an_image_for_a_deadline_and_a_publication() {
+    let run = Run::new(3);
+    let rises = |event: &Event| matches!(event.what, What::Fresh { high: true, .. }) && event.at > run.end(20);
+    let published = run.log(|_| {}).events.into_iter().find(rises).unwrap().at;
+    let asked = |selected| {
+        let run = Run { only: Some(selected), ..run.clone() };
+        run.broken(|images| {
+            images.retain(|image| image.at <= published);
+            let last = images.last_mut().unwrap();
+            (last.expires, last.link.age_100us) = (u64::MAX, last.link.age_100us + 50);
+        })
+        .contains(&Violation::LinkAgeOver)
+    };
+    let until = published + bounds::FRAME_DEADLINE + bounds::PUBLICATION;
+    assert_eq!((asked(until), asked(until + 1)), (true, false));
 }
 
 #[test]
@@ -520,6 +668,36 @@ fn any_number_of_samples_may_follow_the_last_certain_one() {
 }
 
 #[test]
+fn the_last_64_frames_are_remembered() {
+    let mut queue = std::collections::VecDeque::new();
+    (0..64).for_each(|frame| super::remember(&mut queue, frame));
+    assert_eq!((queue.front(), queue.len()), (Some(&0), 64));
+    super::remember(&mut queue, 64);
+    assert_eq!((queue.front(), queue.len()), (Some(&1), 64));
+}
+
+#[test]
+fn samples_are_merged_only_beyond_64() {
+    let mut snapshot = super::LinkStatus::at_start(Run::new(3).layout());
+    let sample = |nth: u64| super::Sample { at: nth * 10 * MS, delay: 0, unsure: 0 };
+    (1..=64).for_each(|nth| snapshot.accept(sample(nth), false));
+    let between_the_first_two = |snapshot: &super::Snapshot| super::compare_age(9_850, snapshot, 1_000 * MS).is_eq();
+    assert!(!between_the_first_two(&snapshot));
+    snapshot.accept(sample(65), false);
+    assert!(between_the_first_two(&snapshot));
+}
+
+#[test]
+fn merged_samples_may_be_told_as_young_as_the_newest_with_its_delay() {
+    let sample = |at, delay| super::Sample { at, delay, unsure: 0 };
+    let merged = sample(100 * MS, 0).or(sample(110 * MS, 4 * MS));
+    let layout = Run::new(3).layout();
+    let snapshot = super::Snapshot { samples: vec![merged], none: false, ..super::LinkStatus::at_start(layout) };
+    let fits = |told| super::compare_age(told, &snapshot, 200 * MS + 50_000).is_eq();
+    assert_eq!((fits(857), fits(858)), (false, true));
+}
+
+#[test]
 fn a_front_end_is_called_at_fault_only_after_long_silence() {
     let run = Run { cycles: 100, ..Run::new(3).hit_all(20..90, &Air::Lost) };
     run.assert_flawless();
@@ -552,6 +730,26 @@ fn a_frame_that_ended_just_before_a_fault_may_be_missed() {
         let older = within(run.tick(60)..run.tick(80), |values| values.age_100us += 100);
         assert_eq!(run.broken(older).contains(&Violation::LinkAgeOver), wrong, "{after} ns");
     }
+}
+
+#[test]
+fn a_frame_just_before_a_fault_of_horus_is_not_missed() {
+    let mut run = Run { cycles: 100, ..Run::new(3).hit_all(20..90, &Air::Lost) };
+    run.extra.push(Event { at: run.end(19) + 1, what: injected(HORUS_FRONT_END, run.tick(30)) });
+    let older = within(run.tick(60)..run.tick(80), |values| values.age_100us += 100);
+    assert!(run.broken(older).contains(&Violation::LinkAgeOver));
+}
+
+#[test]
+fn the_first_frame_may_be_missed_too() {
+    let mut rule = <super::LinkStatus as super::Rule>::new(&crate::testing::header(3));
+    let mut first = rule.snapshots.back().unwrap().clone();
+    first.accept(super::Sample { at: 0, delay: 0, unsure: 0 }, true);
+    rule.snapshots.push_back(first);
+    let none = |rule: &super::LinkStatus| super::compare_age(u16::MAX, rule.snapshots.back().unwrap(), 50 * MS).is_eq();
+    assert!(!none(&rule));
+    rule.may_have_missed(0);
+    assert!(none(&rule));
 }
 
 #[test]
