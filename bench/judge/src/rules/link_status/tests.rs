@@ -69,6 +69,29 @@ fn the_age_is_that_of_the_last_accepted_reported_position() {
 }
 
 #[test]
+fn an_image_without_objects_has_the_age_of_the_last_sample() {
+    for before in [vec![], vec![18]] {
+        let run = Run::new(3).hit_all(before.clone(), &Air::Lost).hit_all(20..28, &Air::Lost);
+        let older = |values: &mut LinkValues| values.age_100us += 100 + 100 * before.len() as u16;
+        assert_eq!(run.broken(within(run.end(25)..run.end(26), older)), [Violation::LinkAgeOver], "{before:?}");
+    }
+}
+
+#[test]
+fn an_image_that_shows_an_older_cycle_is_not_also_a_wrong_age() {
+    for n in RECEIVERS {
+        let run = Run::new(n);
+        let broken = run.broken(|images| {
+            let older = images.iter().rfind(|image| image.at < run.end(20)).unwrap().places.clone();
+            let image = images.iter_mut().find(|image| image.at > run.end(20)).unwrap();
+            image.places = older;
+            image.link.age_100us += 500;
+        });
+        assert_eq!(broken, [Violation::NotShown], "{n} receivers");
+    }
+}
+
+#[test]
 fn the_age_is_saturated_until_an_object_is_accepted() {
     let run = Run::new(3);
     let change = |age| move |values: &mut LinkValues| values.age_100us = age;
@@ -83,19 +106,29 @@ fn the_age_is_saturated_until_an_object_is_accepted() {
     assert_eq!(long.broken(within(late, change(65_534))), [Violation::LinkAge]);
 }
 
-#[test]
-fn the_age_counts_from_the_tick_and_not_from_the_frame() {
-    // The log has the tick of cycle 20 too early by 1 ms, but HORUS sends at the usual instant.
-    let run = Run::new(3);
+/// The log of a run with the tick of cycle 20 too early by 1 ms. HORUS sends at the usual instant.
+fn with_an_early_tick(run: &Run) -> crate::Log {
     let mut log = run.log(|_| {});
     for event in log.events.iter_mut().filter(|event| event.what == What::Tick && event.at == run.tick(20)) {
         event.at -= MS;
     }
     log.events.sort_by_key(|event| (event.at, event.what.rank()));
+    log
+}
+
+#[test]
+fn the_age_counts_from_the_tick_and_not_from_the_frame() {
+    let mut log = with_an_early_tick(&Run::new(3));
     assert!(crate::judge(&log).kinds().any(|kind| kind == Violation::LinkAge));
     // If the log has no ticks, the judge derives the instant of a sample from its frame.
     log.events.retain(|event| event.what != What::Tick);
     assert!(crate::judge(&log).kinds().all(|kind| kind != Violation::LinkAge));
+}
+
+#[test]
+fn the_age_counts_from_the_tick_if_only_reported_position_arrives() {
+    let run = Run::new(3).hit(20, 0, Air::Hit(vec![1, 2, 3]));
+    assert!(crate::judge(&with_an_early_tick(&run)).kinds().any(|kind| kind == Violation::LinkAge));
 }
 
 #[test]
@@ -141,6 +174,18 @@ fn counters_that_go_on_wrongly_together_are_wrong() {
             values.frames_missed += 1;
         };
         assert_eq!(run.broken(within(run.end(22)..u64::MAX, change)), [Violation::LinkCounters], "{n} receivers");
+    }
+}
+
+#[test]
+fn counters_that_add_up_and_are_wrong_from_the_start_are_wrong() {
+    for n in RECEIVERS {
+        let places = if n == 5 { 3 } else { n as u32 + 1 };
+        let change = |values: &mut LinkValues| {
+            values.objects_rejected += places;
+            values.frames_received += 1;
+        };
+        assert_eq!(Run::new(n).broken(within(0..u64::MAX, change)), [Violation::LinkCounters], "{n} receivers");
     }
 }
 
@@ -266,6 +311,50 @@ fn the_flags_of_a_damaged_cycle_say_so() {
 }
 
 #[test]
+fn both_frames_that_may_be_received_may_have_all_objects() {
+    // The transactions read Link-Status alone, so that no object tells what the DPR has received.
+    let mut run = Run { length: profile::LinkStatus::SIZE, ..Run::new(5) };
+    let heard = |before, on| Event { at: run.tick(20) - before, what: What::FieldHeard { on } };
+    run.extra = vec![heard(4 * MS, false), heard(3 * MS, true)];
+    run.assert_flawless();
+}
+
+/// What the judge finds of the flags of a Link-Status that is read alone, with these `bits`, if its image is published
+/// the time `after` the end of the last frame: frame `number` of cycle 19.
+fn after_frame(number: usize, run: Run, after: u64, bits: u16) -> Option<Violation> {
+    let run = Run { length: profile::LinkStatus::SIZE, control: MS / 2, ..run }.hit_all(20..40, &Air::Lost);
+    let end = run.tick(19) + crate::expectation::age_at_end(run.layout(), number) + 3 * US;
+    let broken = run.broken(|images| {
+        let image = images.iter_mut().find(|image| image.at > end + MS).unwrap();
+        image.at = end + after;
+        image.link.status = LinkStatusBits::from_bits(image.link.status.bits() & !0b11 | bits);
+    });
+    broken.into_iter().find(|kind| matches!(kind, Violation::LinkFlags | Violation::LinkFlagsOver))
+}
+
+#[test]
+fn the_link_is_up_until_the_deadline_of_the_next_frame() {
+    let (up, down) = (0b11, 0);
+    for (after, told, wrong) in [
+        (12_150 * US, up, None),
+        (12_200 * US, down, Some(Violation::LinkFlagsOver)),
+        (12_200 * US + 1, down, None),
+        (12_900 * US, up, None),
+        (12_900 * US + 1, up, Some(Violation::LinkFlags)),
+        (12_900 * US + 1, down, None),
+    ] {
+        assert_eq!(after_frame(0, Run::new(3), after, told), wrong, "{after} ns, {told}");
+    }
+}
+
+#[test]
+fn a_first_frame_must_be_told_when_the_second_is_overdue() {
+    let run = Run::new(5).hit(19, 1, Air::Lost);
+    let down = |after| after_frame(0, run.clone(), after, 0);
+    assert_eq!((down(7_300 * US - 1), down(7_300 * US)), (None, Some(Violation::LinkFlagsOver)));
+}
+
+#[test]
 fn what_an_image_lacks_is_not_also_a_wrong_flag() {
     // If an image lacks its objects, its flags may describe either the image or the frames that the DPR received.
     for bits in [LinkStatusBits::new().with_link_up(true).with_all_accepted(true), LinkStatusBits::new()] {
@@ -277,6 +366,50 @@ fn what_an_image_lacks_is_not_also_a_wrong_flag() {
         });
         assert_eq!(broken, [Violation::NotShown]);
     }
+}
+
+/// What the judge finds of an image that may be of cycle 19 or of cycle 22: it has no objects, the cycles between are
+/// lost, and cycle 22 has just arrived.
+fn of_cycle_19_or_22(run: Run, change: impl Fn(&mut LinkValues)) -> Vec<Violation> {
+    let run = run.hit_all(20..22, &Air::Lost);
+    let mut broken = run.broken(|images| {
+        let image = images.iter_mut().find(|image| image.at > run.end(22)).unwrap();
+        image.places.iter_mut().for_each(|place| place.fill(0));
+        image.link.status = LinkStatusBits::from_bits(image.link.status.bits() & !0b11);
+        change(&mut image.link);
+    });
+    broken.retain(|kind| (Violation::LinkAge..=Violation::LinkTime).contains(kind));
+    broken
+}
+
+#[test]
+fn an_age_is_too_great_only_beside_each_cycle_that_may_be_shown() {
+    // The age is 5 ms or 35 ms.
+    for (told, wrong) in [
+        (30, Some(Violation::LinkAge)),
+        (50, None),
+        (200, Some(Violation::LinkAge)),
+        (349, None),
+        (400, Some(Violation::LinkAgeOver)),
+    ] {
+        let expected: Vec<_> = wrong.into_iter().collect();
+        assert_eq!(of_cycle_19_or_22(Run::new(3), |values| values.age_100us = told), expected, "{told}");
+    }
+}
+
+#[test]
+fn the_link_looks_worse_only_beside_each_cycle_that_may_be_shown() {
+    let fault = |values: &mut LinkValues| values.status = values.status.with_front_end_fault(true);
+    assert_eq!(of_cycle_19_or_22(Run::new(3), fault), [Violation::LinkFlagsOver]);
+    // Cycle 19 is frozen, which the image denies.
+    let run = Run { frozen: vec![19], ..Run::new(3) };
+    let denies = |values: &mut LinkValues| values.status = values.status.with_horus_frozen(false);
+    assert_eq!(of_cycle_19_or_22(run.clone(), denies), []);
+    let both = |values: &mut LinkValues| {
+        denies(values);
+        fault(values);
+    };
+    assert_eq!(of_cycle_19_or_22(run, both), [Violation::LinkFlags]);
 }
 
 #[test]
