@@ -203,6 +203,33 @@ fn a_frame_that_nobody_counts_as_missed_is_wrong() {
 }
 
 #[test]
+fn an_image_just_after_the_second_frame_counts_both() {
+    let run = Run { length: profile::LinkStatus::SIZE, ..Run::new(5) };
+    let first_only = |values: &mut LinkValues| {
+        values.objects_accepted -= 3;
+        values.frames_received -= 1;
+    };
+    assert_eq!(run.broken(of(&run, 20, first_only)), [Violation::LinkCounters]);
+}
+
+#[test]
+fn an_image_just_after_a_frame_may_be_that_of_a_deadline_300_us_later() {
+    let without = |delay| {
+        let run = Run { length: profile::LinkStatus::SIZE, ..Run::new(3) }.hit(20, 0, Air::Delayed(delay));
+        let change = |values: &mut LinkValues| {
+            values.objects_accepted -= 4;
+            values.frames_received -= 1;
+            values.age_100us += 100;
+        };
+        run.broken(within(run.end(20) + delay..run.end(20) + delay + 200 * US, change))
+    };
+    assert!(without(2_200 * US - 1).contains(&Violation::LinkCounters));
+    assert!(!without(2_200 * US).contains(&Violation::LinkCounters));
+    // The deadline has just passed.
+    Run::new(3).hit(20, 0, Air::Delayed(2_505 * US)).assert_flawless();
+}
+
+#[test]
 fn each_flag_that_contradicts_what_was_heard_and_shown_is_wrong() {
     for n in RECEIVERS {
         let run = Run::new(n);
