@@ -571,8 +571,8 @@ fn a_front_end_fault_excuses_neither_time_nor_reset_reason() {
     assert_eq!(run.broken(within(201 * MS..u64::MAX, upset)), [Violation::LinkTime]);
 }
 
-/// Whether the judge finds a wrong flag if the DPR's front end does not answer from 200 to 400 ms, and the image at `at`
-/// states `told`.
+/// Whether the judge finds a wrong flag if the DPR's front end does not answer from 200 to 400 ms, and the image at
+/// `at` states `told`.
 fn silent_front_end(run: Run, at: u64, told: LinkStatusBits) -> bool {
     let fault = Event { at: 200 * MS, what: injected(DPR_FRONT_END, 400 * MS) };
     let mut run = Run { cycles: 60, control: MS, ..run }.hit_all(18..=60, &Air::Lost);
