@@ -137,14 +137,7 @@ impl Ring {
     /// Returns the number of bytes that were written since the start; it wraps. `None` if a bit of it has flipped.
     #[must_use]
     pub fn written(&self) -> Option<u32> {
-        loop {
-            let written = self.written.load(Ordering::Acquire);
-            let is_sound = self.not_written.load(Ordering::Acquire) == !written;
-            // The source may have interrupted this function between both loads.
-            if is_sound || self.written.load(Ordering::Acquire) == written {
-                return is_sound.then_some(written);
-            }
-        }
+        unchanged(|| self.written.load(Ordering::Acquire), || self.not_written.load(Ordering::Acquire))
     }
 
     /// Returns the address of the numbers of bytes.
@@ -161,6 +154,19 @@ impl Ring {
             *to = from.load(Ordering::Relaxed);
         }
         into
+    }
+}
+
+/// Returns the number that `number` reads, `None` unless `complement` reads its complement. Both reads are repeated if
+/// the number has moved on meanwhile.
+fn unchanged(number: impl Fn() -> u32, mut complement: impl FnMut() -> u32) -> Option<u32> {
+    loop {
+        let first = number();
+        let is_sound = complement() == !first;
+        // The source may have interrupted this function between both reads.
+        if is_sound || number() == first {
+            return is_sound.then_some(first);
+        }
     }
 }
 
@@ -389,6 +395,27 @@ mod tests {
             ring.set_written(4);
             assert_eq!(ring.written(), Some(4), "bit {bit}");
         }
+    }
+
+    #[test]
+    fn bytes_that_come_between_both_reads_are_no_flipped_bit() {
+        let number = |flip: u32| {
+            let ring = Ring::new();
+            ring.not_written.fetch_xor(flip, Ordering::Relaxed);
+            let mut bytes = 1..=3;
+            let complement = || {
+                ring.push(bytes.next());
+                ring.not_written.load(Ordering::Relaxed)
+            };
+            unchanged(|| ring.written.load(Ordering::Relaxed), complement)
+        };
+        assert_eq!((number(0), number(1 << 5)), (Some(3), None));
+    }
+
+    #[test]
+    fn a_ring_tells_the_address_of_its_number_of_bytes() {
+        let ring = Ring::new();
+        assert_eq!(ring.address(), (&raw const ring.written).addr() as u32);
     }
 
     #[test]

@@ -63,9 +63,10 @@ pub struct Delivery {
     pub received: Certainty,
     /// Whether the DPR received the frame and its cycle is in sequence.
     pub shown: Certainty,
-    /// The valid objects in the frame: each object's number, its bytes, and whether the DPR shows it.
+    /// Whether the DPR received the frame and detects a step back of its timestamp, by which it knows that HORUS has
+    /// restarted.
     pub restarted: Certainty,
-    /// The number of each valid object in the frame, its bytes, and whether it is shown.
+    /// The number of each valid object in the frame, its bytes, and whether the DPR shows it.
     pub objects: Vec<(usize, Vec<u8>, Certainty)>,
     /// The number of objects that a frame of this length holds.
     pub places: u32,

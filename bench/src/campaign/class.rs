@@ -230,17 +230,32 @@ mod tests {
     }
 
     #[test]
-    fn a_violation_that_misleads_a_reader_is_dangerous() {
-        for violation in [
-            Violation::ShownExpired,
-            Violation::LinkFlags,
-            Violation::StateWrong,
-            Violation::TimestampWrong,
-            Violation::UplinkWrong,
-        ] {
-            assert_eq!(Class::of(&sound(), &sound(), &[Violation::NoFrame, violation]), Class::Dangerous);
+    fn exactly_the_violations_that_mislead_a_reader_are_dangerous() {
+        use Violation::*;
+        let mislead = [
+            // What HORUS states of the position, of its receivers and of itself.
+            [
+                ContentWrong,
+                StatusWrong,
+                ReportedWrong,
+                VoteWrong,
+                ExclusionWrong,
+                StateWrong,
+                TimestampWrong,
+                PositionOff,
+            ]
+            .as_slice(),
+            // What the DPR shows.
+            &[ShownNeverSent, ShownOutOfSequence, ShownStale, ShownExpired, Regression, Torn],
+            &[LinkAge, LinkFlags, UplinkWrong],
+            // What the flight controller and the base station make of it.
+            &[ClientWrong, ClientAge, StationAge, BaseInvalid, BaseMixed],
+        ]
+        .concat();
+        for violation in Violation::ALL {
+            let class = if mislead.contains(violation) { Class::Dangerous } else { Class::Masked };
+            assert_eq!(Class::of(&sound(), &sound(), &[NoFrame, *violation]), class, "{violation}");
         }
-        assert_eq!(Class::of(&sound(), &sound(), &[Violation::NoFrame]), Class::Masked);
     }
 
     #[test]
@@ -259,8 +274,8 @@ mod tests {
             decided(15, Some(9)),
         ];
         let readings: Vec<Reading> = Reading::of(&events).collect();
-        let seen: Vec<_> = readings.iter().map(|reading| (reading.at, reading.position)).collect();
-        assert_eq!(seen, [(5, Some(9)), (9, None), (15, Some(9))]);
+        let seen: Vec<_> = readings.iter().map(|reading| (reading.at, reading.began, reading.position)).collect();
+        assert_eq!(seen, [(5, 3, Some(9)), (9, 8, None), (15, 3, Some(9))]);
         assert!(readings[0].bytes != readings[1].bytes && readings[0].bytes != readings[2].bytes);
     }
 }

@@ -338,6 +338,18 @@ mod tests {
     }
 
     #[test]
+    fn merged_parts_sum_up_void_faults_and_broken_rules() {
+        let broken = |number| Trial { violations: vec!["no frame".to_owned()], ..trial(number, Class::Recovered) };
+        let void = |number| Trial { injected: false, ..trial(number, Class::Masked) };
+        let part = |part, trials: &[Trial]| Tally::of(&scope(), 40, Shard { part, of: 2 }, trials);
+        let mut merged = part(1, &[broken(1), void(3)]);
+        merged.merge(part(2, &[broken(5), broken(7), void(9), void(11), void(2)])).unwrap();
+        let counts = |row: &str| (merged.rows[row].broken, merged.rows[row].void);
+        assert_eq!((counts("air"), counts("ram dpr")), ((3, 3), (0, 1)));
+        assert_eq!((merged.sum().broken, merged.sum().void), (3, 4));
+    }
+
+    #[test]
     fn a_campaign_in_which_nothing_was_read_or_tried_fails() {
         let trials = [Trial { readings: 0, ..trial(1, Class::Masked) }];
         let flaws = Tally::of(&scope(), 40, Shard::WHOLE, &trials).flaws();

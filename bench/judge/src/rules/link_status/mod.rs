@@ -183,10 +183,7 @@ impl Rule for LinkStatus {
                     return;
                 }
                 self.offered = offered.to_vec();
-                self.fresh.push_back(event.at);
-                if self.fresh.len() > REMEMBERED {
-                    self.fresh.pop_front();
-                }
+                remember(&mut self.fresh, event.at);
             }
             What::Transaction { .. } => {
                 if let Some(reading) = context.reading() {
@@ -260,21 +257,17 @@ impl LinkStatus {
         }
         next.implausible = self.clocks.frame(&frame);
         next.frame = Some(frame);
-        self.snapshots.push_back(next);
-        if self.snapshots.len() > REMEMBERED {
-            self.snapshots.pop_front();
-        }
+        remember(&mut self.snapshots, next);
     }
 
     fn read(&mut self, reading: &Reading, context: &Context, findings: &mut Findings) {
-        let dpr = context.running(Board::Dpr);
+        let since = context.running(Board::Dpr).since;
         let Some(Ok(values)) = &reading.link else { return };
         let before = |rose: &&u64| **rose <= reading.selected;
         let Some(&published) = self.fresh.iter().rev().find(before) else { return };
         // FRESH must rise at least once per deadline. If its last rise is longer ago, no rise announced this image, and
         // rule `ssi` reports that.
-        let announced = reading.selected <= published + bounds::FRAME_DEADLINE + self.publication;
-        if !dpr.powered || published < dpr.since || !announced {
+        if reading.selected > published + bounds::FRAME_DEADLINE + self.publication {
             return;
         }
         let disturbances = context.disturbances();
@@ -292,7 +285,7 @@ impl LinkStatus {
         // An image that replaces an unsound one repeats the time of the unsound one, so its time is not judged.
         let mut of_the_start = None;
         if !disturbances.excuse(Excuse::UnsoundImage, published) {
-            if let Some(words) = self.time.wrong(values.timestamp, published, dpr.since) {
+            if let Some(words) = self.time.wrong(values.timestamp, published, since) {
                 findings.add(Violation::LinkTime, reading.selected, || words);
             }
             of_the_start = self.reasons.wrong(values.status);
@@ -317,7 +310,7 @@ impl LinkStatus {
             let violation = if over { Violation::LinkAgeOver } else { Violation::LinkAge };
             findings.add(violation, reading.selected, || format!("{} · 100 µs", values.age_100us));
         }
-        let no_field = self.no_field(published, dpr.since, disturbances);
+        let no_field = self.no_field(published, since, disturbances);
         let flags = |snapshot| self.wrong_flags(snapshot, values.status, reading, published, context, no_field);
         // If no snapshot fits, the report states what contradicts the last snapshot, which includes every frame. The
         // link looks worse than it is only if it does so beside each snapshot.
@@ -516,6 +509,14 @@ impl LinkStatus {
             (false, false) => Certainty::Never,
         };
         [of(&|mask| mask != 0), of(&|mask| mask == whole)]
+    }
+}
+
+/// Appends `newest` to `queue`, of which the last [`REMEMBERED`] are kept.
+fn remember<T>(queue: &mut VecDeque<T>, newest: T) {
+    queue.push_back(newest);
+    if queue.len() > REMEMBERED {
+        queue.pop_front();
     }
 }
 

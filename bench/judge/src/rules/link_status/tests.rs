@@ -69,6 +69,29 @@ fn the_age_is_that_of_the_last_accepted_reported_position() {
 }
 
 #[test]
+fn an_image_without_objects_has_the_age_of_the_last_sample() {
+    for before in [vec![], vec![18]] {
+        let run = Run::new(3).hit_all(before.clone(), &Air::Lost).hit_all(20..28, &Air::Lost);
+        let older = |values: &mut LinkValues| values.age_100us += 100 + 100 * before.len() as u16;
+        assert_eq!(run.broken(within(run.end(25)..run.end(26), older)), [Violation::LinkAgeOver], "{before:?}");
+    }
+}
+
+#[test]
+fn an_image_that_shows_an_older_cycle_is_not_also_a_wrong_age() {
+    for n in RECEIVERS {
+        let run = Run::new(n);
+        let broken = run.broken(|images| {
+            let older = images.iter().rfind(|image| image.at < run.end(20)).unwrap().places.clone();
+            let image = images.iter_mut().find(|image| image.at > run.end(20)).unwrap();
+            image.places = older;
+            image.link.age_100us += 500;
+        });
+        assert_eq!(broken, [Violation::NotShown], "{n} receivers");
+    }
+}
+
+#[test]
 fn the_age_is_saturated_until_an_object_is_accepted() {
     let run = Run::new(3);
     let change = |age| move |values: &mut LinkValues| values.age_100us = age;
@@ -83,19 +106,29 @@ fn the_age_is_saturated_until_an_object_is_accepted() {
     assert_eq!(long.broken(within(late, change(65_534))), [Violation::LinkAge]);
 }
 
-#[test]
-fn the_age_counts_from_the_tick_and_not_from_the_frame() {
-    // The log has the tick of cycle 20 too early by 1 ms, but HORUS sends at the usual instant.
-    let run = Run::new(3);
+/// The log of a run with the tick of cycle 20 too early by 1 ms. HORUS sends at the usual instant.
+fn with_an_early_tick(run: &Run) -> crate::Log {
     let mut log = run.log(|_| {});
     for event in log.events.iter_mut().filter(|event| event.what == What::Tick && event.at == run.tick(20)) {
         event.at -= MS;
     }
     log.events.sort_by_key(|event| (event.at, event.what.rank()));
+    log
+}
+
+#[test]
+fn the_age_counts_from_the_tick_and_not_from_the_frame() {
+    let mut log = with_an_early_tick(&Run::new(3));
     assert!(crate::judge(&log).kinds().any(|kind| kind == Violation::LinkAge));
     // If the log has no ticks, the judge derives the instant of a sample from its frame.
     log.events.retain(|event| event.what != What::Tick);
     assert!(crate::judge(&log).kinds().all(|kind| kind != Violation::LinkAge));
+}
+
+#[test]
+fn the_age_counts_from_the_tick_if_only_reported_position_arrives() {
+    let run = Run::new(3).hit(20, 0, Air::Hit(vec![1, 2, 3]));
+    assert!(crate::judge(&with_an_early_tick(&run)).kinds().any(|kind| kind == Violation::LinkAge));
 }
 
 #[test]
@@ -145,6 +178,18 @@ fn counters_that_go_on_wrongly_together_are_wrong() {
 }
 
 #[test]
+fn counters_that_add_up_and_are_wrong_from_the_start_are_wrong() {
+    for n in RECEIVERS {
+        let places = if n == 5 { 3 } else { n as u32 + 1 };
+        let change = |values: &mut LinkValues| {
+            values.objects_rejected += places;
+            values.frames_received += 1;
+        };
+        assert_eq!(Run::new(n).broken(within(0..u64::MAX, change)), [Violation::LinkCounters], "{n} receivers");
+    }
+}
+
+#[test]
 fn a_frame_that_nobody_counts_as_missed_is_wrong() {
     for n in RECEIVERS {
         let frames = if n == 5 { 2 } else { 1 };
@@ -155,6 +200,33 @@ fn a_frame_that_nobody_counts_as_missed_is_wrong() {
         let change = |values: &mut LinkValues| values.frames_missed -= 5 * frames;
         assert_eq!(run.broken(within(run.end(30)..run.end(31), change)), [Violation::LinkCounters], "{n} receivers");
     }
+}
+
+#[test]
+fn an_image_just_after_the_second_frame_counts_both() {
+    let run = Run { length: profile::LinkStatus::SIZE, ..Run::new(5) };
+    let first_only = |values: &mut LinkValues| {
+        values.objects_accepted -= 3;
+        values.frames_received -= 1;
+    };
+    assert_eq!(run.broken(of(&run, 20, first_only)), [Violation::LinkCounters]);
+}
+
+#[test]
+fn an_image_just_after_a_frame_may_be_that_of_a_deadline_300_us_later() {
+    let without = |delay| {
+        let run = Run { length: profile::LinkStatus::SIZE, ..Run::new(3) }.hit(20, 0, Air::Delayed(delay));
+        let change = |values: &mut LinkValues| {
+            values.objects_accepted -= 4;
+            values.frames_received -= 1;
+            values.age_100us += 100;
+        };
+        run.broken(within(run.end(20) + delay..run.end(20) + delay + 200 * US, change))
+    };
+    assert!(without(2_200 * US - 1).contains(&Violation::LinkCounters));
+    assert!(!without(2_200 * US).contains(&Violation::LinkCounters));
+    // The deadline has just passed.
+    Run::new(3).hit(20, 0, Air::Delayed(2_505 * US)).assert_flawless();
 }
 
 #[test]
@@ -196,6 +268,66 @@ fn a_field_that_is_away_must_be_told_soon() {
 }
 
 #[test]
+fn a_field_that_goes_away_twice_must_be_told_as_soon() {
+    let mut run = Run::new(3).hit_all(20..35, &Air::Lost);
+    let off = run.tick(20) - MS;
+    let heard = |at, on| Event { at, what: What::FieldHeard { on } };
+    run.extra = vec![heard(off, false), heard(off + 25 * MS, false), heard(run.tick(34), true)];
+    let tells = |values: &mut LinkValues| values.status = values.status.with_no_field(true);
+    assert_eq!(run.broken(within(off + 45 * MS..run.tick(36), tells)), [Violation::LinkFlags]);
+}
+
+#[test]
+fn no_field_may_be_told_until_130_ms_after_the_start() {
+    let run = Run { control: MS, ..Run::new(1) };
+    let tells = |at| {
+        run.broken(move |images: &mut Vec<Image>| {
+            let image = images.iter_mut().find(|image| image.at > 116 * MS).unwrap();
+            image.at = at;
+            image.link.status = image.link.status.with_no_field(true);
+        })
+    };
+    let over = |at| tells(at).contains(&Violation::LinkFlagsOver);
+    assert_eq!((over(130 * MS - 1), over(130 * MS)), (false, true));
+}
+
+#[test]
+fn no_field_may_be_told_until_30_ms_after_a_front_ends_recovery() {
+    let over = 220 * MS + bounds::FRONT_END_RECOVERY + bounds::FIELD_TOLD;
+    let tells = |at| {
+        let mut run = Run { cycles: 60, control: MS, ..Run::new(1) };
+        run.extra.push(Event { at: 200 * MS, what: injected(DPR_FRONT_END, 220 * MS) });
+        run.broken(move |images: &mut Vec<Image>| {
+            let image = images.iter_mut().find(|image| image.at + 10 * MS > at).unwrap();
+            image.at = at;
+            image.link.status = image.link.status.with_no_field(true);
+        })
+        .contains(&Violation::LinkFlagsOver)
+    };
+    assert_eq!((tells(over - 1), tells(over)), (false, true));
+}
+
+#[test]
+fn no_field_may_be_told_until_a_frame_was_certainly_received_in_the_field() {
+    let broken = |heard: std::ops::Range<u32>, told: std::ops::Range<u64>| {
+        let lost = (20..60).filter(|cycle| !heard.contains(cycle));
+        let mut run = Run { cycles: 60, ..Run::new(3) }.hit_all(lost, &Air::Lost);
+        let on = run.tick(34);
+        run.extra =
+            [(run.tick(20) - MS, false), (on, true)].map(|(at, on)| Event { at, what: What::FieldHeard { on } }).into();
+        let tells = |values: &mut LinkValues| values.status = values.status.with_no_field(true);
+        let from = run.tick(20) + 20 * MS;
+        run.broken(|images| {
+            within(from..on + told.start, tells)(images);
+            within(on + told.start..on + told.end, tells)(images);
+        })
+    };
+    assert_eq!(broken(50..60, 40 * MS..150 * MS), [], "no frame");
+    assert_eq!(broken(35..38, 40 * MS..150 * MS), [], "the listener may not have been armed");
+    assert_eq!(broken(50..60, 40 * MS..180 * MS), [Violation::LinkFlagsOver], "frames");
+}
+
+#[test]
 fn the_flags_of_a_damaged_cycle_say_so() {
     for n in RECEIVERS {
         let run = Run::new(n).hit(20, 0, Air::Hit(vec![1]));
@@ -203,6 +335,50 @@ fn the_flags_of_a_damaged_cycle_say_so() {
         assert_eq!(flipped(0), [wrongly_clear(0)], "the link is up");
         assert_eq!(flipped(1), [wrongly_set(1)], "an object is missing");
     }
+}
+
+#[test]
+fn both_frames_that_may_be_received_may_have_all_objects() {
+    // The transactions read Link-Status alone, so that no object tells what the DPR has received.
+    let mut run = Run { length: profile::LinkStatus::SIZE, ..Run::new(5) };
+    let heard = |before, on| Event { at: run.tick(20) - before, what: What::FieldHeard { on } };
+    run.extra = vec![heard(4 * MS, false), heard(3 * MS, true)];
+    run.assert_flawless();
+}
+
+/// What the judge finds of the flags of a Link-Status that is read alone, with these `bits`, if its image is published
+/// the time `after` the end of the last frame: frame `number` of cycle 19.
+fn after_frame(number: usize, run: Run, after: u64, bits: u16) -> Option<Violation> {
+    let run = Run { length: profile::LinkStatus::SIZE, control: MS / 2, ..run }.hit_all(20..40, &Air::Lost);
+    let end = run.tick(19) + crate::expectation::age_at_end(run.layout(), number) + 3 * US;
+    let broken = run.broken(|images| {
+        let image = images.iter_mut().find(|image| image.at > end + MS).unwrap();
+        image.at = end + after;
+        image.link.status = LinkStatusBits::from_bits(image.link.status.bits() & !0b11 | bits);
+    });
+    broken.into_iter().find(|kind| matches!(kind, Violation::LinkFlags | Violation::LinkFlagsOver))
+}
+
+#[test]
+fn the_link_is_up_until_the_deadline_of_the_next_frame() {
+    let (up, down) = (0b11, 0);
+    for (after, told, wrong) in [
+        (12_150 * US, up, None),
+        (12_200 * US, down, Some(Violation::LinkFlagsOver)),
+        (12_200 * US + 1, down, None),
+        (12_900 * US, up, None),
+        (12_900 * US + 1, up, Some(Violation::LinkFlags)),
+        (12_900 * US + 1, down, None),
+    ] {
+        assert_eq!(after_frame(0, Run::new(3), after, told), wrong, "{after} ns, {told}");
+    }
+}
+
+#[test]
+fn a_first_frame_must_be_told_when_the_second_is_overdue() {
+    let run = Run::new(5).hit(19, 1, Air::Lost);
+    let down = |after| after_frame(0, run.clone(), after, 0);
+    assert_eq!((down(7_300 * US - 1), down(7_300 * US)), (None, Some(Violation::LinkFlagsOver)));
 }
 
 #[test]
@@ -217,6 +393,50 @@ fn what_an_image_lacks_is_not_also_a_wrong_flag() {
         });
         assert_eq!(broken, [Violation::NotShown]);
     }
+}
+
+/// What the judge finds of an image that may be of cycle 19 or of cycle 22: it has no objects, the cycles between are
+/// lost, and cycle 22 has just arrived.
+fn of_cycle_19_or_22(run: Run, change: impl Fn(&mut LinkValues)) -> Vec<Violation> {
+    let run = run.hit_all(20..22, &Air::Lost);
+    let mut broken = run.broken(|images| {
+        let image = images.iter_mut().find(|image| image.at > run.end(22)).unwrap();
+        image.places.iter_mut().for_each(|place| place.fill(0));
+        image.link.status = LinkStatusBits::from_bits(image.link.status.bits() & !0b11);
+        change(&mut image.link);
+    });
+    broken.retain(|kind| (Violation::LinkAge..=Violation::LinkTime).contains(kind));
+    broken
+}
+
+#[test]
+fn an_age_is_too_great_only_beside_each_cycle_that_may_be_shown() {
+    // The age is 5 ms or 35 ms.
+    for (told, wrong) in [
+        (30, Some(Violation::LinkAge)),
+        (50, None),
+        (200, Some(Violation::LinkAge)),
+        (349, None),
+        (400, Some(Violation::LinkAgeOver)),
+    ] {
+        let expected: Vec<_> = wrong.into_iter().collect();
+        assert_eq!(of_cycle_19_or_22(Run::new(3), |values| values.age_100us = told), expected, "{told}");
+    }
+}
+
+#[test]
+fn the_link_looks_worse_only_beside_each_cycle_that_may_be_shown() {
+    let fault = |values: &mut LinkValues| values.status = values.status.with_front_end_fault(true);
+    assert_eq!(of_cycle_19_or_22(Run::new(3), fault), [Violation::LinkFlagsOver]);
+    // Cycle 19 is frozen, which the image denies.
+    let run = Run { frozen: vec![19], ..Run::new(3) };
+    let denies = |values: &mut LinkValues| values.status = values.status.with_horus_frozen(false);
+    assert_eq!(of_cycle_19_or_22(run.clone(), denies), []);
+    let both = |values: &mut LinkValues| {
+        denies(values);
+        fault(values);
+    };
+    assert_eq!(of_cycle_19_or_22(run, both), [Violation::LinkFlags]);
 }
 
 #[test]
@@ -235,6 +455,30 @@ fn a_frozen_and_a_restarted_horus_are_told() {
             let broken = run.broken(of(&run, cycle, |values| flip(values, 3)));
             assert_eq!(broken, [wrong], "{n} receivers, {cycle}");
         }
+    }
+}
+
+#[test]
+fn a_restart_is_told_for_a_second() {
+    let run = Run { cycles: 140, horus_starts: vec![20], control: MS / 2, ..Run::new(3) }.hit_all(24..=140, &Air::Lost);
+    let broken = |after: u64, told: bool| {
+        run.broken(|images| {
+            let first = images.iter().position(|image| image.link.status.horus_restarted()).unwrap();
+            let frame = (20..24).map(|cycle| run.end(cycle)).rfind(|end| *end < images[first].at).unwrap();
+            let image = images.iter_mut().find(|image| image.at > frame + 990 * MS).unwrap();
+            image.at = frame + after;
+            image.link.status = image.link.status.with_horus_restarted(told);
+        })
+    };
+    // The judge accepts either value within 2 ms.
+    for (after, told, wrong) in [
+        (998 * MS - 1, false, Some(Violation::LinkFlags)),
+        (998 * MS, false, None),
+        (1_002 * MS - 1, true, None),
+        (1_002 * MS, true, Some(Violation::LinkFlagsOver)),
+    ] {
+        let flags = |kind: &Violation| matches!(kind, Violation::LinkFlags | Violation::LinkFlagsOver);
+        assert_eq!(broken(after, told).into_iter().find(flags), wrong, "{after} ns");
     }
 }
 
@@ -327,6 +571,52 @@ fn a_front_end_fault_excuses_neither_time_nor_reset_reason() {
     assert_eq!(run.broken(within(201 * MS..u64::MAX, upset)), [Violation::LinkTime]);
 }
 
+/// Whether the judge finds a wrong flag if the DPR's front end does not answer from 200 to 400 ms, and the image at
+/// `at` states `told`.
+fn silent_front_end(run: Run, at: u64, told: LinkStatusBits) -> bool {
+    let fault = Event { at: 200 * MS, what: injected(DPR_FRONT_END, 400 * MS) };
+    let mut run = Run { cycles: 60, control: MS, ..run }.hit_all(18..=60, &Air::Lost);
+    run.extra.push(fault);
+    let broken = run.broken(|images| {
+        for image in images.iter_mut().filter(|image| image.at > 200 * MS) {
+            image.link.status = image.link.status.with_front_end_fault(true);
+        }
+        let image = images.iter_mut().find(|image| image.at + 6 * MS > at).unwrap();
+        let reason = image.link.status.reset_reason().unwrap();
+        image.at = at;
+        image.link.status = told.with_reset_reason(reason).with_unasked_reset(image.link.status.unasked_reset());
+    });
+    broken.contains(&Violation::LinkFlags)
+}
+
+#[test]
+fn a_silent_front_end_must_be_told_after_40_ms_until_it_answers() {
+    let bits = LinkStatusBits::new();
+    let wrong = |at| silent_front_end(Run::new(3), at, bits);
+    assert_eq!([240 * MS - 1, 240 * MS, 400 * MS - 1, 400 * MS].map(wrong), [false, true, true, false]);
+    let told = bits.with_front_end_fault(true);
+    let wrong = |told| silent_front_end(Run::new(3), 300 * MS, told);
+    assert_eq!(
+        [told, told.with_link_up(true), told.with_all_accepted(true), bits].map(wrong),
+        [false, true, true, true]
+    );
+}
+
+#[test]
+fn a_silent_front_end_must_be_told_40_ms_after_a_start() {
+    let run = Run { dpr_start: Some((210 * MS, Cause::Pin, ResetReason::Pin)), ..Run::new(3) };
+    let wrong = |at| silent_front_end(run.clone(), at, LinkStatusBits::new());
+    assert_eq!([350 * MS - 1, 350 * MS].map(wrong), [false, true]);
+}
+
+#[test]
+fn a_dead_task_may_not_tell_of_a_silent_front_end() {
+    let dead = Disturbance::DeadTask { board: Board::Dpr, task: 0 };
+    let extra = vec![Event { at: 300 * MS, what: injected(dead, 300 * MS) }];
+    let wrong = |at| silent_front_end(Run { extra: extra.clone(), ..Run::new(3) }, at, LinkStatusBits::new());
+    assert_eq!([300 * MS - 1, 300 * MS].map(wrong), [true, false]);
+}
+
 #[test]
 fn the_time_starts_with_the_dpr_and_goes_on_with_it() {
     for n in RECEIVERS {
@@ -377,6 +667,24 @@ fn an_image_that_fresh_has_not_announced_is_not_asked() {
     let own = |kind: &Violation| *kind >= Violation::LinkAge && *kind <= Violation::LinkTime;
     assert_eq!(crate::judge(&log).kinds().filter(own).count(), 0);
     assert_eq!(run.broken(&wrong), [Violation::LinkAgeOver]);
+}
+
+#[test]
+fn a_rise_of_fresh_announces_an_image_for_a_deadline_and_a_publication() {
+    let run = Run::new(3);
+    let rises = |event: &Event| matches!(event.what, What::Fresh { high: true, .. }) && event.at > run.end(20);
+    let published = run.log(|_| {}).events.into_iter().find(rises).unwrap().at;
+    let asked = |selected| {
+        let run = Run { only: Some(selected), ..run.clone() };
+        run.broken(|images| {
+            images.retain(|image| image.at <= published);
+            let last = images.last_mut().unwrap();
+            (last.expires, last.link.age_100us) = (u64::MAX, last.link.age_100us + 50);
+        })
+        .contains(&Violation::LinkAgeOver)
+    };
+    let until = published + bounds::FRAME_DEADLINE + bounds::PUBLICATION;
+    assert_eq!((asked(until), asked(until + 1)), (true, false));
 }
 
 #[test]
@@ -520,6 +828,36 @@ fn any_number_of_samples_may_follow_the_last_certain_one() {
 }
 
 #[test]
+fn the_last_64_frames_are_remembered() {
+    let mut queue = std::collections::VecDeque::new();
+    (0..64).for_each(|frame| super::remember(&mut queue, frame));
+    assert_eq!((queue.front(), queue.len()), (Some(&0), 64));
+    super::remember(&mut queue, 64);
+    assert_eq!((queue.front(), queue.len()), (Some(&1), 64));
+}
+
+#[test]
+fn samples_are_merged_only_beyond_64() {
+    let mut snapshot = super::LinkStatus::at_start(Run::new(3).layout());
+    let sample = |nth: u64| super::Sample { at: nth * 10 * MS, delay: 0, unsure: 0 };
+    (1..=64).for_each(|nth| snapshot.accept(sample(nth), false));
+    let between_the_first_two = |snapshot: &super::Snapshot| super::compare_age(9_850, snapshot, 1_000 * MS).is_eq();
+    assert!(!between_the_first_two(&snapshot));
+    snapshot.accept(sample(65), false);
+    assert!(between_the_first_two(&snapshot));
+}
+
+#[test]
+fn merged_samples_may_be_told_as_young_as_the_newest_with_its_delay() {
+    let sample = |at, delay| super::Sample { at, delay, unsure: 0 };
+    let merged = sample(100 * MS, 0).or(sample(110 * MS, 4 * MS));
+    let layout = Run::new(3).layout();
+    let snapshot = super::Snapshot { samples: vec![merged], none: false, ..super::LinkStatus::at_start(layout) };
+    let fits = |told| super::compare_age(told, &snapshot, 200 * MS + 50_000).is_eq();
+    assert_eq!((fits(857), fits(858)), (false, true));
+}
+
+#[test]
 fn a_front_end_is_called_at_fault_only_after_long_silence() {
     let run = Run { cycles: 100, ..Run::new(3).hit_all(20..90, &Air::Lost) };
     run.assert_flawless();
@@ -552,6 +890,26 @@ fn a_frame_that_ended_just_before_a_fault_may_be_missed() {
         let older = within(run.tick(60)..run.tick(80), |values| values.age_100us += 100);
         assert_eq!(run.broken(older).contains(&Violation::LinkAgeOver), wrong, "{after} ns");
     }
+}
+
+#[test]
+fn a_frame_just_before_a_fault_of_horus_is_not_missed() {
+    let mut run = Run { cycles: 100, ..Run::new(3).hit_all(20..90, &Air::Lost) };
+    run.extra.push(Event { at: run.end(19) + 1, what: injected(HORUS_FRONT_END, run.tick(30)) });
+    let older = within(run.tick(60)..run.tick(80), |values| values.age_100us += 100);
+    assert!(run.broken(older).contains(&Violation::LinkAgeOver));
+}
+
+#[test]
+fn the_first_frame_may_be_missed_too() {
+    let mut rule = <super::LinkStatus as super::Rule>::new(&crate::testing::header(3));
+    let mut first = rule.snapshots.back().unwrap().clone();
+    first.accept(super::Sample { at: 0, delay: 0, unsure: 0 }, true);
+    rule.snapshots.push_back(first);
+    let none = |rule: &super::LinkStatus| super::compare_age(u16::MAX, rule.snapshots.back().unwrap(), 50 * MS).is_eq();
+    assert!(!none(&rule));
+    rule.may_have_missed(0);
+    assert!(none(&rule));
 }
 
 #[test]

@@ -53,6 +53,19 @@ fn a_message_may_be_lost_while_it_waits_in_memory_that_flips() {
 }
 
 #[test]
+fn a_message_that_has_waited_for_12_ms_is_not_lost() {
+    let mut scene = Scene::new(1);
+    scene.receivers[0].iter_mut().for_each(|burst| (burst.att, burst.ins) = (None, None));
+    let may_be_lost_after = |wait| {
+        let at = scene.receivers[0][5].arrived() + wait;
+        let flip = Disturbance::Memory { board: Board::Horus, memory: Memory::Receive };
+        kinds(taken_or_not(&scene, 5, false).add(at, injected(flip, at))).is_empty()
+    };
+    assert!(may_be_lost_after(bounds::MESSAGE_TAKEN - 1));
+    assert!(!may_be_lost_after(bounds::MESSAGE_TAKEN));
+}
+
+#[test]
 fn values_without_any_message_are_wrong_even_on_a_disturbed_line() {
     let mut scene = Scene::new(1);
     scene.receivers[0].iter_mut().for_each(|burst| burst.clean = false);

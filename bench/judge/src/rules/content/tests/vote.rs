@@ -2,7 +2,8 @@ use gnss_sim::ubx::WEEK_MS;
 use profile::{ReportedStatus, ResetReason};
 
 use super::*;
-use crate::{Board, Cause, Figures};
+use crate::testing::injected;
+use crate::{Board, Cause, Disturbance, Figures};
 
 const VOTE: [(Violation, u64); 1] = [(Violation::VoteWrong, 1)];
 const MISSING: [(Violation, u64); 1] = [(Violation::VoteMissing, 1)];
@@ -812,6 +813,17 @@ fn after_cycles(
     reason: ResetReason,
     excluded: [bool; 2],
 ) -> Vec<(Violation, u64)> {
+    kinds(&events_after_cycles(scene, cycles, off, cause, reason, excluded))
+}
+
+fn events_after_cycles(
+    scene: &Scene,
+    cycles: u64,
+    off: bool,
+    cause: Cause,
+    reason: ResetReason,
+    excluded: [bool; 2],
+) -> Events {
     let from = shows(scene, 5);
     let mut events = scene.events(|cycle, _, gps| gps[1].status = gps[1].status.with_excluded(cycle >= from));
     let at = tick(from + cycles) + 9 * MS;
@@ -832,7 +844,7 @@ fn after_cycles(
         events.cycle_of(at + 41 * MS + u64::from(number) * bounds::CYCLE, &reported, &gps);
     }
     events.end(at + 300 * MS);
-    kinds(&events)
+    events
 }
 
 #[test]
@@ -870,6 +882,23 @@ fn just_before_a_restart_an_unseen_vote_may_exclude_a_receiver() {
         assert_eq!(found(cycles, speak, [true, true]), expected, "after {cycles} cycles, of {speak:?}");
         assert_eq!(found(cycles, speak, [true, false]), []);
     }
+}
+
+#[test]
+fn a_dead_task_may_have_lost_who_is_excluded() {
+    let scene = strayed(3, 5..26);
+    let restarted = |dead: Option<Board>| {
+        let (cause, reason) = (Cause::Watchdog, ResetReason::Watchdog);
+        let mut events = events_after_cycles(&scene, 25, false, cause, reason, [false, false]);
+        if let Some(board) = dead {
+            let at = tick(shows(&scene, 5) + 25) + 8 * MS;
+            events.add(at, injected(Disturbance::DeadTask { board, task: 0 }, at));
+        }
+        kinds(&events)
+    };
+    assert_eq!(restarted(None), EXCLUSION);
+    assert_eq!(restarted(Some(Board::Dpr)), EXCLUSION);
+    assert_eq!(restarted(Some(Board::Horus)), []);
 }
 
 #[test]
