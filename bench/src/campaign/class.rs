@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flipped_bit_that_changes_no_reading_is_masked_whatever_the_judge_says() {
+    fn a_flipped_bit_that_changes_no_reading_is_masked() {
         let violations = [Violation::NoTick, Violation::StationAge];
         assert_eq!(Class::of_upset(&sound(), &sound(), &violations), Class::Masked);
         assert_eq!(Class::of(&sound(), &sound(), &violations), Class::Dangerous);

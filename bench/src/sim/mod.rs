@@ -469,9 +469,9 @@ impl<C: Cost> Bench<C> {
         SharedHorus(Arc::new(Mutex::new(Leader::new(a.clone(), upstream.clone()))))
     }
 
-    /// Lets `horus`, which was made at this instant, run from now on in place of the bench's own HORUS. That one stands
-    /// still, and its counters and its load at the end of the run are those of now. Nothing passes back to HORUS, so the
-    /// run is otherwise the same; it has to end at a multiple of a millisecond.
+    /// Lets `horus`, which was made at this instant, run from now on in place of the bench's own HORUS. The bench's own
+    /// stands still, and its counters and its load at the end of the run are those of now. Nothing passes back to
+    /// HORUS, so the run is otherwise the same; it has to end at a multiple of a millisecond.
     pub fn run_behind(&mut self, horus: &SharedHorus<C>) {
         self.behind = Some((horus.clone(), 0));
     }

@@ -359,10 +359,10 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Returns the cycle at which `op`, which went to itself until `cycle`, has been repeated up to the limit, and counts
-    /// the repetitions. A 16-bit `b .` changes nothing and needs no further word of code, so each repetition takes as
-    /// long, except on the pessimistic clock, where a taken branch fetches the word again. Nothing is repeated that
-    /// neither an event nor the caller ends.
+    /// Returns the cycle at which `op`, which went to itself until `cycle`, has been repeated up to the limit, and
+    /// counts the repetitions. A 16-bit `b .` changes nothing and needs no further word of code, so each repetition
+    /// takes as long, except on the pessimistic clock, where a taken branch fetches the word again. Nothing is repeated
+    /// that neither an event nor the caller ends.
     #[cold]
     #[inline(never)]
     fn repeat(&mut self, op: &Op, cycle: u64) -> u64 {

@@ -155,9 +155,9 @@ where
         }
     }
 
-    /// Runs the second board to `end` (virtual ns), as [`Relay::run`] does, behind `leader` in place of the first board,
-    /// which stands still. `heard` is the number of the leader's reports that this relay has heard: 0 where the leader
-    /// was made, and what the last call left afterwards.
+    /// Runs the second board to `end` (virtual ns), as [`Relay::run`] does, behind `leader` in place of the first
+    /// board, which stands still. `heard` is the number of the leader's reports that this relay has heard: 0 where the
+    /// leader was made, and what the last call left afterwards.
     ///
     /// # Errors
     ///
@@ -196,8 +196,8 @@ where
     }
 }
 
-/// The first board of a [`Relay`] with its surroundings, which runs once for all clones of that relay whose first boards
-/// would do the same ([`Relay::run_behind`]).
+/// The first board of a [`Relay`] with its surroundings, which runs once for all clones of that relay whose first
+/// boards would do the same ([`Relay::run_behind`]).
 #[derive(Debug)]
 pub struct Leader<A: Board, U: Upstream<A, C>, C: Cost = Fast> {
     node: Node<A, C>,
