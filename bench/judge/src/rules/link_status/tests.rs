@@ -78,7 +78,7 @@ fn an_image_without_objects_has_the_age_of_the_last_sample() {
 }
 
 #[test]
-fn an_image_that_shows_an_older_cycle_is_not_also_a_wrong_age() {
+fn an_image_of_an_older_cycle_is_no_wrong_age() {
     for n in RECEIVERS {
         let run = Run::new(n);
         let broken = run.broken(|images| {
@@ -213,7 +213,7 @@ fn an_image_just_after_the_second_frame_counts_both() {
 }
 
 #[test]
-fn an_image_just_after_a_frame_may_be_that_of_a_deadline_300_us_later() {
+fn an_image_just_after_a_frame_may_be_of_a_later_deadline() {
     let without = |delay| {
         let run = Run { length: profile::LinkStatus::SIZE, ..Run::new(3) }.hit(20, 0, Air::Delayed(delay));
         let change = |values: &mut LinkValues| {
@@ -292,7 +292,7 @@ fn no_field_may_be_told_until_130_ms_after_the_start() {
 }
 
 #[test]
-fn no_field_may_be_told_until_30_ms_after_a_front_ends_recovery() {
+fn no_field_may_be_told_until_30_ms_after_a_recovery() {
     let over = 220 * MS + bounds::FRONT_END_RECOVERY + bounds::FIELD_TOLD;
     let tells = |at| {
         let mut run = Run { cycles: 60, control: MS, ..Run::new(1) };
@@ -308,7 +308,7 @@ fn no_field_may_be_told_until_30_ms_after_a_front_ends_recovery() {
 }
 
 #[test]
-fn no_field_may_be_told_until_a_frame_was_certainly_received_in_the_field() {
+fn no_field_may_be_told_until_a_frame_was_certainly_received() {
     let broken = |heard: std::ops::Range<u32>, told: std::ops::Range<u64>| {
         let lost = (20..60).filter(|cycle| !heard.contains(cycle));
         let mut run = Run { cycles: 60, ..Run::new(3) }.hit_all(lost, &Air::Lost);
@@ -410,7 +410,7 @@ fn of_cycle_19_or_22(run: Run, change: impl Fn(&mut LinkValues)) -> Vec<Violatio
 }
 
 #[test]
-fn an_age_is_too_great_only_beside_each_cycle_that_may_be_shown() {
+fn an_age_is_too_great_beside_each_possible_cycle() {
     // The age is 5 ms or 35 ms.
     for (told, wrong) in [
         (30, Some(Violation::LinkAge)),
@@ -590,7 +590,7 @@ fn silent_front_end(run: Run, at: u64, told: LinkStatusBits) -> bool {
 }
 
 #[test]
-fn a_silent_front_end_must_be_told_after_40_ms_until_it_answers() {
+fn a_silent_front_end_must_be_told_after_40_ms() {
     let bits = LinkStatusBits::new();
     let wrong = |at| silent_front_end(Run::new(3), at, bits);
     assert_eq!([240 * MS - 1, 240 * MS, 400 * MS - 1, 400 * MS].map(wrong), [false, true, true, false]);
@@ -670,7 +670,7 @@ fn an_image_that_fresh_has_not_announced_is_not_asked() {
 }
 
 #[test]
-fn a_rise_of_fresh_announces_an_image_for_a_deadline_and_a_publication() {
+fn a_rise_of_fresh_announces_for_a_deadline_and_a_publication() {
     let run = Run::new(3);
     let rises = |event: &Event| matches!(event.what, What::Fresh { high: true, .. }) && event.at > run.end(20);
     let published = run.log(|_| {}).events.into_iter().find(rises).unwrap().at;
@@ -848,7 +848,7 @@ fn samples_are_merged_only_beyond_64() {
 }
 
 #[test]
-fn merged_samples_may_be_told_as_young_as_the_newest_with_its_delay() {
+fn merged_samples_may_be_as_young_as_the_newest() {
     let sample = |at, delay| super::Sample { at, delay, unsure: 0 };
     let merged = sample(100 * MS, 0).or(sample(110 * MS, 4 * MS));
     let layout = Run::new(3).layout();
