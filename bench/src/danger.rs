@@ -5,8 +5,9 @@ use bench_judge::Violation;
 /// Whether `violation` means that invalid data were shown as valid to the flight controller or at the base station.
 ///
 /// Wrong content of an object counts, because the judge does not report whether the object was shown. Wrong flags of
-/// Link-Status, a wrong state of HORUS, a wrong timestamp and a wrong number of uplinks count as well, because readers
-/// act on them. An age and flags by which the link looks worse than it is do not count: a DPR that has lost a frame
+/// Link-Status, a wrong state of HORUS, a wrong flag of its crystal, a wrong timestamp and a wrong number of uplinks
+/// count as well, because readers act on them; so does a valid position of a receiver whose dynamic model limits what
+/// it can say. An age and flags by which the link looks worse than it is do not count: a DPR that has lost a frame
 /// tells that, and nobody uses what is old or wrong because of it.
 #[must_use]
 pub(crate) const fn is_dangerous(violation: Violation) -> bool {
@@ -17,6 +18,7 @@ pub(crate) const fn is_dangerous(violation: Violation) -> bool {
             | Violation::ReportedWrong
             | Violation::VoteWrong
             | Violation::ExclusionWrong
+            | Violation::NotAirborne
             | Violation::ShownNeverSent
             | Violation::ShownOutOfSequence
             | Violation::ShownStale
@@ -26,6 +28,7 @@ pub(crate) const fn is_dangerous(violation: Violation) -> bool {
             | Violation::LinkAge
             | Violation::LinkFlags
             | Violation::StateWrong
+            | Violation::CrystalWrong
             | Violation::TimestampWrong
             | Violation::UplinkWrong
             | Violation::PositionOff

@@ -240,7 +240,9 @@ mod tests {
                 ReportedWrong,
                 VoteWrong,
                 ExclusionWrong,
+                NotAirborne,
                 StateWrong,
+                CrystalWrong,
                 TimestampWrong,
                 PositionOff,
             ]
