@@ -7,7 +7,8 @@
 //! | other | each instruction, when it is first executed | an instruction, when memory holds other halfwords |
 //!
 //! A page has 1 KiB, and all of it must be memory of one kind. Clones of a core share decoded pages. A page that also
-//! holds data may be written often, so a page that was decoded anew [`MOST_REWRITES`] times is no longer watched.
+//! holds data may be written often, so a page that was decoded anew [`MOST_REWRITES`] times since the last reset is
+//! no longer watched.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -119,6 +120,14 @@ impl Code {
             }
             current
         });
+        self.index.clear();
+    }
+
+    /// Forgets how often each page was decoded anew, so that all pages are watched again. A firmware that copies its
+    /// code into RAM writes each page at every start, however often it starts.
+    pub(crate) fn forget_rewrites(&mut self) {
+        self.rewrites.clear();
+        self.pages.retain(|page| page.kind != Kind::Compared);
         self.index.clear();
     }
 

@@ -193,6 +193,20 @@ fn code_that_keeps_writing_to_its_own_page_executes_as_rewritten() {
 }
 
 #[test]
+fn a_page_rewritten_too_often_is_watched_again_after_a_reset() {
+    // The code is the one of the test before; its page is at RAM.
+    let [mut rig, _] = in_ram(&[0xF240, 0x0000, 0x3101, 0x8011, 0x182D, 0xE7F9]);
+    rig.set(1, 0).set(2, RAM + 0x202).set(5, 0);
+    assert_eq!(rig.core.run(&mut rig.board, 1 + 6 * 200), Exit::Until);
+    assert!(!rig.board.watched.contains(&(RAM >> 10)));
+    rig.core.reset(&mut rig.board);
+    rig.set(1, 0).set(2, RAM + 0x602).set(4, RAM + 0x201).set(5, 0);
+    let cycle = rig.core.cycle();
+    assert_eq!(rig.core.run(&mut rig.board, cycle + 100), Exit::Until);
+    assert!(rig.board.watched.contains(&(RAM >> 10)));
+}
+
+#[test]
 fn an_instruction_across_two_ram_pages_executes_as_rewritten() {
     for mut rig in in_ram(&[0xBF00]) {
         // The code from 0x3FC on is: nop; movw r0, #1 across 0x400; bx r3 (back to the nop).

@@ -28,6 +28,7 @@ impl<C: Cost> Core<C> {
         self.locked_up = false;
         self.in_fault = false;
         (self.cut, self.owed) = (0, 0);
+        self.code.forget_rewrites();
         self.r[14] = 0xFFFF_FFFF;
         self.attention = true;
         let (Some(stack), Some(start)) = (self.vector(bus, 0), self.vector(bus, 1)) else {
