@@ -802,21 +802,10 @@ fn after_restart(cause: Cause, reason: ResetReason, excluded: [bool; 2]) -> Vec<
 }
 
 fn after_off(off: bool, cause: Cause, reason: ResetReason, excluded: [bool; 2]) -> Vec<(Violation, u64)> {
-    after_cycles(&strayed(3, 5..26), 25, off, cause, reason, excluded)
+    kinds(&after_cycles(&strayed(3, 5..26), 25, off, cause, reason, excluded))
 }
 
 fn after_cycles(
-    scene: &Scene,
-    cycles: u64,
-    off: bool,
-    cause: Cause,
-    reason: ResetReason,
-    excluded: [bool; 2],
-) -> Vec<(Violation, u64)> {
-    kinds(&events_after_cycles(scene, cycles, off, cause, reason, excluded))
-}
-
-fn events_after_cycles(
     scene: &Scene,
     cycles: u64,
     off: bool,
@@ -869,7 +858,7 @@ fn just_before_a_restart_an_unseen_vote_may_exclude_a_receiver() {
         for (receiver, bursts) in scene.receivers.iter_mut().enumerate() {
             bursts.retain(|burst| burst.at != FIRST_BURST + 700 * MS || speak.contains(&receiver));
         }
-        after_cycles(&scene, cycles, false, Cause::Pin, ResetReason::Pin, excluded)
+        kinds(&after_cycles(&scene, cycles, false, Cause::Pin, ResetReason::Pin, excluded))
     };
     for (cycles, speak, expected) in [
         (20, &[2][..], vec![]),
@@ -889,7 +878,7 @@ fn a_dead_task_may_have_lost_who_is_excluded() {
     let scene = strayed(3, 5..26);
     let restarted = |dead: Option<Board>| {
         let (cause, reason) = (Cause::Watchdog, ResetReason::Watchdog);
-        let mut events = events_after_cycles(&scene, 25, false, cause, reason, [false, false]);
+        let mut events = after_cycles(&scene, 25, false, cause, reason, [false, false]);
         if let Some(board) = dead {
             let at = tick(shows(&scene, 5) + 25) + 8 * MS;
             events.add(at, injected(Disturbance::DeadTask { board, task: 0 }, at));
