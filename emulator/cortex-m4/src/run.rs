@@ -359,10 +359,12 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Returns the cycle at which `op`, which went to itself until `cycle`, has been repeated up to the limit, and
-    /// counts the repetitions. A 16-bit `b .` changes nothing and needs no further word of code, so each repetition
-    /// takes as long, except on the pessimistic clock, where a taken branch fetches the word again. Nothing is repeated
-    /// that neither an event nor the caller ends.
+    /// Repeats a branch to itself, `op`, up to the limit. Its first execution has ended at `cycle`. Counts the
+    /// repetitions and returns the cycle at which the last one ends.
+    ///
+    /// A 16-bit `b .` changes no state and needs no further word of code, so all repetitions take the same time, except
+    /// on the pessimistic clock, where a taken branch fetches its word again. On that clock, for another branch and
+    /// without a limit, nothing is repeated and `cycle` is returned.
     #[cold]
     #[inline(never)]
     fn repeat(&mut self, op: &Op, cycle: u64) -> u64 {
