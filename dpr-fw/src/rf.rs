@@ -191,10 +191,10 @@ impl<P: FrontEndPort> Reception<P> {
                     if let Fault::Register { address, expected, found } = fault {
                         telemetry.rf_register.set(u32::from_be_bytes([0, address, expected, found]));
                     }
-                    // Not covered: only this line, behind the copy of the locked section for another priority, which
-                    // never runs (`xtask/src/coverage/twins.rs`).
+                    // Not covered: only this line, what follows the copy of the locked section for another priority,
+                    // which never runs (`xtask/src/coverage/twins.rs`).
                     front_end.lock(|state| *state = FrontEnd::Lost(fault));
-                    // Not covered: only this line, behind the copy that never runs, as above.
+                    // Not covered: only this line, what follows the copy that never runs, as above.
                     replace_buffer(executor, &mut rotation, telemetry);
                     *early = Early::default();
                     handed = true;

@@ -231,7 +231,7 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
         let frame = place.map_or(0..0, |place| place.offset()..place.offset() + place.length());
         self.executor.port().point_at(frame);
         self.executor.resume()
-        // Not covered: only this line, behind these two paths.
+        // Not covered: only this line, the return from the two paths above that no run takes.
     }
 
     /// Serves an event of the state machine, and the events that this causes at once: three at most, because the state
@@ -285,6 +285,6 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
             };
             self.turn = Turn::Executor;
         }
-        // Not covered: only this line, behind that path.
+        // Not covered: only this line, the return from the path above that no run takes.
     }
 }

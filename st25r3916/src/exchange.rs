@@ -329,7 +329,7 @@ impl Exchange {
             // Not covered: an input that a state does not wait for, as above.
             _ => self.fault(Fault::Executor),
         }
-        // Not covered: only this line, behind the paths above that no run takes.
+        // Not covered: only this line, the return from arms above that no run takes.
     }
 
     fn poll(&mut self, step: Step<PollerEvent>) -> Step<ExchangeEvent> {

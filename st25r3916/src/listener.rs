@@ -560,7 +560,7 @@ impl Listener {
             }
             _ => self.fault(Fault::Executor),
         }
-        // Not covered: only this line, behind the paths above that no run takes.
+        // Not covered: only this line, the return from arms above that no run takes.
     }
 
     fn short(&mut self, state: ListenerState, short: Short) -> Step<ListenerEvent> {
@@ -792,7 +792,7 @@ impl Listener {
                 self.read(got, left, true)
             }
         }
-        // Not covered: only this line, behind the path without a frame.
+        // Not covered: only this line, the return for a state without a frame, as above.
     }
 
     fn read(&mut self, got: u16, count: u16, end: bool) -> Step<ListenerEvent> {
@@ -807,7 +807,7 @@ impl Listener {
         };
         frame.was_read(count, first);
         if end { self.deliver() } else { self.wait() }
-        // Not covered: only this line, behind the path without a frame.
+        // Not covered: only this line, the return for a state without a frame, as above.
     }
 
     fn deliver(&mut self) -> Step<ListenerEvent> {

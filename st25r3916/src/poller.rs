@@ -351,7 +351,7 @@ impl Poller {
             // Not covered: an input that a state does not wait for, as above.
             _ => self.fault(Fault::Executor),
         }
-        // Not covered: only this line, behind the paths above that no run takes.
+        // Not covered: only this line, the return from arms above that no run takes.
     }
 
     fn short(&mut self, state: PollerState, short: Short) -> Step<PollerEvent> {

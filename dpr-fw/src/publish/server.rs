@@ -104,15 +104,15 @@ impl<const LEN: usize> Server<LEN> {
     /// Offers the newest image to the next transaction, unless it has expired. The processor must have the semaphore.
     fn offer<S: Ssi>(&mut self, ssi: &mut S, mailbox: &mut impl Mutex<T = Mailbox<S::Buffer>>, telemetry: &Telemetry) {
         let Taken { newer, announced } = mailbox.lock(|mailbox| ssi.exchange(|streamed| mailbox.take(streamed)));
-        // Not covered: only this line, behind the copy of the locked section for another priority, which never runs
-        // (`xtask/src/coverage/twins.rs`).
+        // Not covered: only this line, what follows the copy of the locked section for another priority, which never
+        // runs (`xtask/src/coverage/twins.rs`).
         if newer {
-            // Not covered: only this line, behind the copy that never runs, as above.
+            // Not covered: only this line, what follows the copy that never runs, as above.
             self.budget = Budget::new();
         }
         // An image may expire during a transaction, after it was announced and before the transaction ended.
         let announce = newer && !announced;
-        // Not covered: only this line, behind the copy that never runs, as above.
+        // Not covered: only this line, what follows the copy that never runs, as above.
         if !announce && ssi.is_expired() {
             telemetry.images_expired.add(1);
             return;
