@@ -152,6 +152,8 @@ pub struct Core<C: Cost> {
     pub(crate) watch: Watch,
     pub(crate) watchpoints: Watchpoints,
     pub(crate) record: Option<Arc<Record>>,
+    /// On the fast clock, the first instruction of the present burst that is not noted in `record` yet.
+    pub(crate) unnoted: u32,
     pub(crate) cost: PhantomData<C>,
 }
 
@@ -236,6 +238,7 @@ impl<C: Cost> Core<C> {
             watch: Watch::default(),
             watchpoints: Watchpoints::default(),
             record: None,
+            unnoted: 0,
             cost: PhantomData,
         }
     }

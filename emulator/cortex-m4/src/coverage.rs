@@ -1,15 +1,18 @@
 //! The record of executed instructions, for the object-code coverage of a firmware.
 //!
 //! A [`Record`] holds a copy of the code whose execution is of interest. A core with a record ([`Core::set_record`])
-//! executes one instruction at a time and notes each one that it completed, with the outcome of its condition if it has
-//! one. A core without a record is as fast as if there were none. The run is the same either way.
+//! notes each instruction that it completed, with the outcome of its condition if it has one. On the fast clock it
+//! notes all instructions up to a taken branch at once; those of IT blocks, and all on the other clocks, one by one. A
+//! core without a record is as fast as if there were none. The run is the same either way.
 //!
-//! An instruction counts only if memory held what the record's copy holds. Code that an upset or a defect changed
-//! is therefore not taken for the firmware's own.
+//! An instruction counts only if memory holds what the record's copy holds when it is noted. Code that an upset or a
+//! defect changed is therefore not taken for the firmware's own.
 
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
 
+use crate::code::Page;
 use crate::decode;
 use crate::op::{Do, Op};
 use crate::{Bus, Core, Cost};
@@ -17,6 +20,8 @@ use crate::{Bus, Core, Cost};
 const EXECUTED: u8 = 1;
 const PASSED: u8 = 2;
 const FAILED: u8 = 4;
+/// The instruction has no condition and was completed, so nothing more can be learned of it.
+const COMPLETE: u8 = 8;
 
 /// What is known of one instruction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -65,6 +70,29 @@ impl Record {
     pub fn seen(&self, address: u32) -> Seen {
         let bits = self.0.iter().find_map(|area| Some(area.seen[area.place(address)?].load(Relaxed))).unwrap_or(0);
         Seen { executed: bits & EXECUTED != 0, passed: bits & PASSED != 0, failed: bits & FAILED != 0 }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn note_run<B: Bus>(&self, bus: &mut B, page: &Page, run: Range<u32>, taken: bool) {
+        let Some((area, first)) = self.0.iter().find_map(|area| Some((area, area.place(run.start)?))) else { return };
+        let mut pc = run.start;
+        while pc < run.end {
+            let op = page.op(pc);
+            let seen = area.seen.get(first + (pc - run.start) as usize / 2);
+            // A breakpoint is no instruction.
+            let Some(seen) = seen.filter(|_| op.size != 0) else { return };
+            let next = pc + u32::from(op.size);
+            if seen.load(Relaxed) & COMPLETE == 0 {
+                let bits = match flow_of(op) {
+                    Flow::Either(_) if taken && next == run.end => EXECUTED | PASSED,
+                    Flow::Either(_) => EXECUTED | FAILED,
+                    _ => EXECUTED | COMPLETE,
+                };
+                self.note(bus, pc, op.size, bits);
+            }
+            pc = next;
+        }
     }
 
     fn note<B: Bus>(&self, bus: &mut B, pc: u32, size: u8, bits: u8) {
@@ -180,6 +208,21 @@ impl<C: Cost> Core<C> {
             Do::Cbnz { n, .. } => self.get(n) != 0,
             _ => return None,
         })
+    }
+
+    /// Whether the next instruction must be noted by itself.
+    #[inline(always)]
+    pub(crate) fn notes_one_by_one(&self) -> bool {
+        self.record.is_some() && (C::BOUND.is_some() || self.it != 0)
+    }
+
+    /// Notes the instructions of `page` from [`Core::unnoted`] to `end` if there is a record. They were executed one
+    /// after the other outside IT blocks. `taken` says that the last one is a branch that was taken.
+    #[inline(always)]
+    pub(crate) fn note_run<B: Bus>(&self, bus: &mut B, page: &Page, end: u32, taken: bool) {
+        if let Some(record) = &self.record {
+            record.note_run(bus, page, self.unnoted..end, taken);
+        }
     }
 
     /// Executes `op` at r15 as [`Core::single`] does, and notes it if there is a record.

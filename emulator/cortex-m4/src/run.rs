@@ -183,7 +183,6 @@ impl<C: Cost> Core<C> {
     fn execute_until_limit<B: Bus>(&mut self, bus: &mut B, code: &mut Code, single: bool) {
         let careful = single || self.passed.is_some() || self.refused_call.is_some();
         let careful = careful || self.ici != 0;
-        let one_by_one = careful || self.record.is_some();
         self.note_short_way();
         loop {
             let pc = self.r[15];
@@ -194,6 +193,7 @@ impl<C: Cost> Core<C> {
             let place = code.page(bus, pc);
             let page = code.at(place);
             let kind = page.kind();
+            let one_by_one = careful || self.notes_one_by_one();
             if !one_by_one && kind != Kind::Compared && !never_executable(pc) && self.mpu_opens_page(pc, PAGE_BITS) {
                 self.burst(bus, page);
             } else {
@@ -313,12 +313,17 @@ impl<C: Cost> Core<C> {
         let mut pc = self.r[15];
         self.count_from(pc, self.cycle);
         self.set_stop(page, pc);
+        self.unnoted = pc;
         loop {
             let op = page.op(pc);
             pc = pc.wrapping_add(u32::from(op.size));
             match self.execute(bus, op, pc) {
                 Ok(Flow::On) => {}
                 Ok(Flow::To(target)) => {
+                    if self.record.is_some() {
+                        self.note_run(bus, page, pc, true);
+                        self.unnoted = target;
+                    }
                     let mut cycle = self.cycle_at(pc);
                     if target == self.r[15] {
                         cycle = self.repeat(op, cycle);
@@ -332,10 +337,12 @@ impl<C: Cost> Core<C> {
                 }
                 Ok(Flow::Block) => {
                     self.stop = 0;
-                    it = self.it;
+                    // With a record the burst ends here, and the instructions of the block are executed one by one.
+                    it = if self.record.is_some() { 0 } else { self.it };
                 }
                 Err(fault) => {
                     self.catch_up();
+                    self.note_run(bus, page, self.r[15], false);
                     self.fail(bus, op, it, fault);
                     return;
                 }
@@ -354,6 +361,7 @@ impl<C: Cost> Core<C> {
                     }
                 }
                 self.catch_up();
+                self.note_run(bus, page, pc, false);
                 return;
             }
         }

@@ -92,6 +92,32 @@ fn a_core_with_a_record_runs_as_one_without() {
 }
 
 #[test]
+fn a_burst_notes_what_single_steps_note() {
+    // The code is: 511 times movs r1, #1, so that the next page begins; movs r0, #3; subs r0, #1; it eq; moveq r1, #7;
+    // bne back to subs; cbz r0 over the next; nop; ldr r0, [r2] where nothing answers; nop.
+    let loops = [0x2003, 0x3801, 0xBF08, 0x2107, 0xD1FB, 0xB100, 0xBF00, 0x6810, 0xBF00];
+    let code = [&[0x2101; 511][..], &loops].concat();
+    let record = || Arc::new(Record::new([(CODE, bytes(&code))]));
+    let (of_bursts, of_steps) = (record(), record());
+    let mut rig = Rig::new(&code);
+    rig.set(2, 0x6000_0000);
+    let mut stepped = rig.clone();
+    rig.core.set_record(Some(of_bursts.clone()));
+    stepped.core.set_record(Some(of_steps.clone()));
+    // Bursts end at the run's end, wherever that is.
+    for until in (3..700).step_by(3) {
+        rig.core.run(&mut rig.board, until);
+    }
+    stepped.steps(525);
+    for place in 0..code.len() as u32 {
+        let address = CODE + 2 * place;
+        assert_eq!(of_bursts.seen(address), of_steps.seen(address), "{place}");
+    }
+    let seen: Vec<Seen> = (510..520).map(|place| of_bursts.seen(CODE + 2 * place)).collect();
+    assert_eq!(seen, [RUN, RUN, RUN, RUN, BOTH, BOTH, TAKEN, NEVER, NEVER, NEVER]);
+}
+
+#[test]
 fn an_instruction_that_faults_is_not_executed() {
     // ldr r0, [r1] where nothing answers.
     let code = [0x6808, STAY];
