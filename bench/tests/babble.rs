@@ -130,7 +130,7 @@ impl Downstream<Dpr> for Controller {
 
     fn hear(&mut self, at: u64, event: AirEvent, node: &mut Node<Dpr>) {
         let air = &mut self.air;
-        node.board_mut(|board| air.from_poller(at, event, |at, event| board.front_end.hear(at, event)));
+        node.board_mut(|board| air.from_poller(at, event, &mut |at, event| board.front_end.hear(at, event)));
     }
 
     fn noted(&mut self, (): ()) {}

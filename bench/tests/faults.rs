@@ -273,7 +273,7 @@ impl Downstream<Dpr> for Reader {
             return;
         }
         let air = &mut self.air;
-        node.board_mut(|board| air.from_poller(at, event, |at, event| board.front_end.hear(at, event)));
+        node.board_mut(|board| air.from_poller(at, event, &mut |at, event| board.front_end.hear(at, event)));
     }
 
     fn noted(&mut self, (): ()) {}

@@ -107,9 +107,14 @@ impl Events {
 
     pub(crate) fn log(&self) -> Log {
         let mut events = self.events.clone();
-        events.sort_by_key(|event| (event.at, event.what.rank()));
+        in_order(&mut events);
         Log { header: Header { hold: self.hold, ..header(self.gps) }, events }
     }
+}
+
+/// Brings events into the order in which a log has them.
+pub(crate) fn in_order(events: &mut [Event]) {
+    events.sort_by_key(|event| (event.at, event.what.rank()));
 }
 
 pub(crate) fn silent_reported(timestamp: u32) -> ReportedValues {

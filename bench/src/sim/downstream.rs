@@ -296,7 +296,7 @@ impl<C: Cost> Link<C> {
         }
         let Self { air, recorder, .. } = self;
         node.board_mut(|board| {
-            air.from_poller(at, event, |at, event| {
+            air.from_poller(at, event, &mut |at, event| {
                 note_field(recorder, at, event);
                 board.front_end.hear(at, event);
             });
@@ -309,7 +309,7 @@ impl<C: Cost> Link<C> {
     fn advance_air(&mut self, to: u64, node: &mut Node<Dpr, C>) {
         let Self { air, recorder, .. } = self;
         node.board_mut(|board| {
-            air.advance(to, |at, event| {
+            air.advance(to, &mut |at, event| {
                 note_field(recorder, at, event);
                 board.front_end.hear(at, event);
             });
@@ -500,7 +500,7 @@ impl<C: Cost> Link<C> {
                 let Self { air, recorder, .. } = self;
                 let from = now.max(self.air_at);
                 node.board_mut(|board| {
-                    air.set_faults(from, faults, |at, event| {
+                    air.set_faults(from, faults, &mut |at, event| {
                         note_field(recorder, at, event);
                         board.front_end.hear(at, event);
                     });

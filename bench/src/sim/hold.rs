@@ -145,7 +145,7 @@ impl<C: Cost> Beside<C> {
         }
         let Self { air, .. } = self;
         dpr.board_mut(|board| {
-            air.advance(at, |at, event| hear(board, at, event));
+            air.advance(at, &mut |at, event| hear(board, at, event));
         });
         self.note_air(recorder);
     }
@@ -172,12 +172,12 @@ impl<C: Cost> Beside<C> {
         if is_field {
             recorder.note(at, What::Hold(HoldEvent::Field { on: event == AirEvent::FieldOn }));
         }
-        node.board_mut(|board| answers.from_poller(at, &event, |at, event| board.front_end.hear(at, event)));
+        node.board_mut(|board| answers.from_poller(at, &event, &mut |at, event| board.front_end.hear(at, event)));
         dpr.board_mut(|board| {
             if *crosstalk && !is_field {
                 board.front_end.hear(at, &event);
             }
-            air.from_poller(at, event, |at, event| {
+            air.from_poller(at, event, &mut |at, event| {
                 if *broken != Some(Break::PortDeaf) {
                     hear(board, at, event);
                 }
@@ -234,7 +234,7 @@ impl<C: Cost> Beside<C> {
             HoldFault::Frames(way) => {
                 let way = if begins { way } else { AirFaults::default() };
                 let air = &mut self.air;
-                dpr.board_mut(|board| air.set_faults(from, way, |at, event| hear(board, at, event)));
+                dpr.board_mut(|board| air.set_faults(from, way, &mut |at, event| hear(board, at, event)));
             }
             HoldFault::Answers(way) => {
                 self.answer_faults.way = if begins { way } else { AirFaults::default() };
@@ -316,7 +316,7 @@ impl<C: Cost> Beside<C> {
     fn set_answer_faults(&mut self, from: u64) {
         let Self { node, answers, answer_faults, .. } = self;
         node.board_mut(|board| {
-            answers.set_faults(from, *answer_faults, |at, event| board.front_end.hear(at, event));
+            answers.set_faults(from, *answer_faults, &mut |at, event| board.front_end.hear(at, event));
         });
     }
 
@@ -351,7 +351,7 @@ impl<C: Cost> Beside<C> {
             }
             let Self { node, answers, broken, .. } = self;
             node.board_mut(|board| {
-                answers.from_listener(at, event, |at, event| {
+                answers.from_listener(at, event, &mut |at, event| {
                     if *broken != Some(Break::Deaf) {
                         board.front_end.hear(at, event);
                     }
@@ -365,7 +365,7 @@ impl<C: Cost> Beside<C> {
     fn answer(&mut self, to: u64) {
         if self.answers.next_event().is_some_and(|next| next <= to) {
             let Self { node, answers, .. } = self;
-            node.board_mut(|board| answers.advance(to, |at, event| board.front_end.hear(at, event)));
+            node.board_mut(|board| answers.advance(to, &mut |at, event| board.front_end.hear(at, event)));
         }
     }
 

@@ -18,7 +18,7 @@ fn pair(faults: AirFaults) -> Pair {
 
 fn set(pair: &mut Pair, faults: AirFaults) {
     let Pair { air, listener, now, .. } = pair;
-    air.set_faults(*now, faults, |at, event| listener.hear(at, event));
+    air.set_faults(*now, faults, &mut |at, event| listener.hear(at, event));
 }
 
 fn send(pair: &mut Pair, n: usize, seed: u64) {
@@ -241,9 +241,9 @@ fn a_listener_behind_the_airs_time_still_receives_its_frames() {
                 }
                 poller.advance(at);
                 for (at, event) in poller.take_air() {
-                    air.from_poller(at, event, |at, event| listener.hear(at, event));
+                    air.from_poller(at, event, &mut |at, event| listener.hear(at, event));
                 }
-                air.advance(at, |at, event| listener.hear(at, event));
+                air.advance(at, &mut |at, event| listener.hear(at, event));
             }
         }
         *now += US;

@@ -348,20 +348,20 @@ impl Back {
 
     fn poller(&mut self, at: u64, event: &AirEvent) {
         let heard = &mut self.heard;
-        self.path.from_poller(at, event, |at, event| heard.push((at, event.clone())));
+        self.path.from_poller(at, event, &mut |at, event| heard.push((at, event.clone())));
     }
 
     fn listener(&mut self, at: u64, event: AirEvent) {
         let heard = &mut self.heard;
-        self.path.from_listener(at, event, |at, event| heard.push((at, event.clone())));
+        self.path.from_listener(at, event, &mut |at, event| heard.push((at, event.clone())));
     }
 
     fn run_to(&mut self, to: u64) {
         let heard = &mut self.heard;
         while let Some(at) = self.path.next_event().filter(|at| *at <= to) {
-            self.path.advance(at, |at, event| heard.push((at, event.clone())));
+            self.path.advance(at, &mut |at, event| heard.push((at, event.clone())));
         }
-        self.path.advance(to, |at, event| heard.push((at, event.clone())));
+        self.path.advance(to, &mut |at, event| heard.push((at, event.clone())));
     }
 
     fn answer(&mut self, at: u64) -> u64 {
@@ -400,7 +400,7 @@ fn the_way_back_passes_answers_and_no_carrier() {
     back.path.set_faults(
         7_000_000,
         AnswerFaults { way: AirFaults { field_off: true, ..AirFaults::default() }, ..AnswerFaults::default() },
-        |_, _| panic!("no event"),
+        &mut |_, _| panic!("no event"),
     );
     assert_eq!(back.frames(), (vec![1_000_000], vec![88]));
     assert_eq!(back.heard.len(), 2);

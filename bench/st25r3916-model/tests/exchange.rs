@@ -165,7 +165,7 @@ fn each_fault_of_an_answer_is_told_and_the_next_cycle_works() {
         let mut world = World::started(configs(Config::default(), Config::st25r3916()));
         for cycle in 0..30 {
             let now = world.now;
-            world.back.set_faults(now, faults, |_, _| {});
+            world.back.set_faults(now, faults, &mut |_, _| {});
             world.answer = payload(128, cycle);
             let (event, _) = world.cycle(&payload(64, cycle)).expect("it ends");
             assert!(told(event), "{name}: {event:?}");
@@ -173,7 +173,7 @@ fn each_fault_of_an_answer_is_told_and_the_next_cycle_works() {
                 assert_eq!(world.answers.last(), Some(&world.answer));
             }
             let now = world.now;
-            world.back.set_faults(now, AnswerFaults::default(), |_, _| {});
+            world.back.set_faults(now, AnswerFaults::default(), &mut |_, _| {});
             works(&mut world, cycle);
         }
         assert_eq!(world.findings(), Vec::<String>::new(), "{name}");
@@ -185,7 +185,7 @@ fn a_foreign_card_alone_is_delivered_as_what_it_says() {
     let mut world = World::started(configs(Config::default(), Config::default()));
     let foreign = ForeignCard { answers: 1.0, after_ns: (400_000, 2_900_000), payload: 128 };
     let faults = AnswerFaults { foreign, ..AnswerFaults::default() };
-    world.back.set_faults(world.now, faults, |_, _| {});
+    world.back.set_faults(world.now, faults, &mut |_, _| {});
     // The DPR's answer comes after the time in which the poller accepts an answer.
     world.answers_after_ns = 20 * MS;
     for cycle in 0..20 {
@@ -194,7 +194,7 @@ fn a_foreign_card_alone_is_delivered_as_what_it_says() {
     }
     assert_eq!((world.answers.len(), world.back.foreign_answers(), world.back.collisions()), (20, 20, 0));
     assert!(world.answers.iter().all(|answer| *answer != world.answer));
-    world.back.set_faults(world.now, AnswerFaults::default(), |_, _| {});
+    world.back.set_faults(world.now, AnswerFaults::default(), &mut |_, _| {});
     world.answers_after_ns = 700_000;
     works(&mut world, 1);
 }
@@ -204,11 +204,11 @@ fn a_frame_that_is_lost_is_not_answered() {
     let mut world = World::started(configs(Config::default(), Config::default()));
     let [_, port] = &mut world.chips;
     let lost = AirFaults { lost: 1.0, ..AirFaults::default() };
-    world.air.set_faults(world.now, lost, |at, event| port.hear(at, event));
+    world.air.set_faults(world.now, lost, &mut |at, event| port.hear(at, event));
     let (event, _) = world.cycle(&[1; 64]).expect("it ends");
     assert_eq!((event, world.air.counters().answers), (SILENT, 0));
     let [_, port] = &mut world.chips;
-    world.air.set_faults(world.now, AirFaults::default(), |at, event| port.hear(at, event));
+    world.air.set_faults(world.now, AirFaults::default(), &mut |at, event| port.hear(at, event));
     works(&mut world, 1);
 }
 
@@ -320,10 +320,10 @@ proptest! {
         let part = |b: bool| if b { Config::default() } else { Config::st25r3916() };
         let mut world = World::started(configs(part(hold_is_b), part(port_is_b)));
         let [_, port] = &mut world.chips;
-        world.air.set_faults(world.now, there, |at, event| port.hear(at, event));
+        world.air.set_faults(world.now, there, &mut |at, event| port.hear(at, event));
         let (answers, after, payload_len) = foreign;
         let foreign = ForeignCard { answers, after_ns: (0, after), payload: payload_len.min(254) };
-        world.back.set_faults(world.now, AnswerFaults { way, foreign }, |_, _| {});
+        world.back.set_faults(world.now, AnswerFaults { way, foreign }, &mut |_, _| {});
         world.answers_after_ns = after_us * 1_000;
         for (cycle, (frame, answer)) in cycles.into_iter().enumerate() {
             world.answer = payload(answer, cycle as u64);
@@ -335,8 +335,8 @@ proptest! {
             prop_assert!(took <= air + u64::from(WINDOW_US + FRAME_US + 600) * 1_000, "{} ns", took);
         }
         let [_, port] = &mut world.chips;
-        world.air.set_faults(world.now, AirFaults::default(), |at, event| port.hear(at, event));
-        world.back.set_faults(world.now, AnswerFaults::default(), |_, _| {});
+        world.air.set_faults(world.now, AirFaults::default(), &mut |at, event| port.hear(at, event));
+        world.back.set_faults(world.now, AnswerFaults::default(), &mut |_, _| {});
         world.answers_after_ns = 700_000;
         // All delayed frames and answers arrive in these 200 ms.
         let now = world.now;

@@ -64,7 +64,7 @@ pub struct AnswerPath {
 }
 
 /// Returns a function that passes only frames to `hears`, because the carrier is the poller's own.
-fn frames(hears: &mut impl FnMut(u64, &AirEvent)) -> impl FnMut(u64, &AirEvent) {
+fn frames(hears: &mut dyn FnMut(u64, &AirEvent)) -> impl FnMut(u64, &AirEvent) {
     |at, event| {
         if !matches!(event, AirEvent::FieldOn | AirEvent::FieldOff) {
             hears(at, event);
@@ -88,21 +88,21 @@ impl AnswerPath {
     }
 
     /// Changes the faults from `at` (virtual ns) on. What the poller receives until then is passed to `hears`.
-    pub fn set_faults(&mut self, at: u64, faults: AnswerFaults, mut hears: impl FnMut(u64, &AirEvent)) {
-        self.advance(at, &mut hears);
+    pub fn set_faults(&mut self, at: u64, faults: AnswerFaults, hears: &mut dyn FnMut(u64, &AirEvent)) {
+        self.advance(at, hears);
         self.foreign = faults.foreign;
-        self.air.set_faults(at, faults.way, frames(&mut hears));
+        self.air.set_faults(at, faults.way, &mut frames(hears));
     }
 
     /// Takes an event that the poller emitted at `at` (virtual ns). What the poller receives is passed to `hears`.
-    pub fn from_poller(&mut self, at: u64, event: &AirEvent, mut hears: impl FnMut(u64, &AirEvent)) {
-        self.advance(at, &mut hears);
+    pub fn from_poller(&mut self, at: u64, event: &AirEvent, hears: &mut dyn FnMut(u64, &AirEvent)) {
+        self.advance(at, hears);
         match event {
-            AirEvent::FieldOn => self.air.from_poller(at, AirEvent::FieldOn, frames(&mut hears)),
+            AirEvent::FieldOn => self.air.from_poller(at, AirEvent::FieldOn, &mut frames(hears)),
             AirEvent::FieldOff => {
                 (self.due, self.foreign_ends) = (None, None);
                 self.answering = self.answering.map(|_| false);
-                self.air.from_poller(at, AirEvent::FieldOff, frames(&mut hears));
+                self.air.from_poller(at, AirEvent::FieldOff, &mut frames(hears));
             }
             AirEvent::FrameEnd { .. } if self.rng.hit(self.foreign.answers) => {
                 self.due = Some(at.saturating_add(within(&mut self.rng, self.foreign.after_ns)));
@@ -112,14 +112,14 @@ impl AnswerPath {
     }
 
     /// Takes an event that the listener emitted at `at` (virtual ns). What the poller receives is passed to `hears`.
-    pub fn from_listener(&mut self, at: u64, event: AirEvent, mut hears: impl FnMut(u64, &AirEvent)) {
-        self.advance(at, &mut hears);
+    pub fn from_listener(&mut self, at: u64, event: AirEvent, hears: &mut dyn FnMut(u64, &AirEvent)) {
+        self.advance(at, hears);
         match event {
             AirEvent::FieldOn | AirEvent::FieldOff => return,
             AirEvent::FrameStart(_) => {
                 self.answering = Some(self.foreign_ends.is_none());
                 if self.foreign_ends.take().is_some() {
-                    self.collide(at, &mut hears);
+                    self.collide(at, hears);
                 }
             }
             AirEvent::Bytes(_) | AirEvent::FrameEnd { .. } => {}
@@ -129,7 +129,7 @@ impl AnswerPath {
             self.answering = None;
         }
         if on_air {
-            self.air.from_poller(at, event, frames(&mut hears));
+            self.air.from_poller(at, event, &mut frames(hears));
         }
     }
 
@@ -139,18 +139,18 @@ impl AnswerPath {
     }
 
     /// Passes the events up to and including `to` (virtual ns) to `hears`. Both chips must have reached `to`.
-    pub fn advance(&mut self, to: u64, mut hears: impl FnMut(u64, &AirEvent)) {
+    pub fn advance(&mut self, to: u64, hears: &mut dyn FnMut(u64, &AirEvent)) {
         loop {
             let ends = self.foreign_ends.map_or(u64::MAX, |(at, _)| at);
             let begins = self.due.unwrap_or(u64::MAX);
             if ends.min(begins) > to {
-                return self.air.advance(to, frames(&mut hears));
+                return self.air.advance(to, &mut frames(hears));
             }
             if begins < ends {
                 self.due = None;
-                self.foreign_begins(begins, &mut hears);
+                self.foreign_begins(begins, hears);
             } else if let Some((at, bits)) = self.foreign_ends.take() {
-                self.air.from_poller(at, AirEvent::FrameEnd { bits }, frames(&mut hears));
+                self.air.from_poller(at, AirEvent::FrameEnd { bits }, &mut frames(hears));
             }
         }
     }
@@ -160,15 +160,15 @@ impl AnswerPath {
     pub fn carry(&mut self, air: &mut Air, poller: &mut Chip, listener: &mut Chip) {
         loop {
             for (at, event) in poller.take_air().collect::<Vec<_>>() {
-                self.from_poller(at, &event, |at, event| poller.hear(at, event));
-                air.from_poller(at, event, |at, event| listener.hear(at, event));
+                self.from_poller(at, &event, &mut |at, event| poller.hear(at, event));
+                air.from_poller(at, event, &mut |at, event| listener.hear(at, event));
             }
             for (at, event) in listener.take_air().collect::<Vec<_>>() {
                 air.from_listener(at, &event);
-                self.from_listener(at, event, |at, event| poller.hear(at, event));
+                self.from_listener(at, event, &mut |at, event| poller.hear(at, event));
             }
-            air.advance(poller.now(), |at, event| listener.hear(at, event));
-            self.advance(listener.now(), |at, event| poller.hear(at, event));
+            air.advance(poller.now(), &mut |at, event| listener.hear(at, event));
+            self.advance(listener.now(), &mut |at, event| poller.hear(at, event));
             if !poller.has_air() && !listener.has_air() {
                 return;
             }
@@ -207,12 +207,12 @@ impl AnswerPath {
         self.air.take_injected()
     }
 
-    fn collide(&mut self, at: u64, hears: &mut impl FnMut(u64, &AirEvent)) {
+    fn collide(&mut self, at: u64, hears: &mut dyn FnMut(u64, &AirEvent)) {
         self.collisions += 1;
         self.air.sending_breaks_off(at, &mut frames(hears));
     }
 
-    fn foreign_begins(&mut self, at: u64, hears: &mut impl FnMut(u64, &AirEvent)) {
+    fn foreign_begins(&mut self, at: u64, hears: &mut dyn FnMut(u64, &AirEvent)) {
         if self.foreign_ends.is_some() {
             // The foreign card's answer to an earlier frame is still on the air.
             return;
@@ -238,6 +238,6 @@ impl AnswerPath {
             chunk: Chunk { data, parity_error: false },
         };
         self.foreign_ends = Some((at.saturating_add(bits_ns(64 + u64::from(bits), bit_as)), bits));
-        self.air.from_poller(at, AirEvent::FrameStart(start), frames(hears));
+        self.air.from_poller(at, AirEvent::FrameStart(start), &mut frames(hears));
     }
 }

@@ -78,17 +78,17 @@ impl Air {
             next_id: 0,
             account: Account::default(),
         };
-        air.set_faults(0, faults, |_, _| {});
+        air.set_faults(0, faults, &mut |_, _| {});
         air
     }
 
     /// Changes the faults from `at` (virtual ns) on. A frame that the poller began before keeps the earlier faults, but
     /// a field that goes off breaks it off. What the listener receives is passed to `hears`.
-    pub fn set_faults(&mut self, at: u64, faults: AirFaults, mut hears: impl FnMut(u64, &AirEvent)) {
-        self.advance(at, &mut hears);
+    pub fn set_faults(&mut self, at: u64, faults: AirFaults, hears: &mut dyn FnMut(u64, &AirEvent)) {
+        self.advance(at, hears);
         let was_off = std::mem::replace(&mut self.faults, faults).field_off;
         if faults.field_off && !was_off {
-            self.break_off(at, &mut hears);
+            self.break_off(at, hears);
             self.account.inject(at, Fault::FieldOff);
             if self.field {
                 hears(at, &AirEvent::FieldOff);
@@ -104,13 +104,13 @@ impl Air {
     pub fn carry(&mut self, poller: &mut Chip, listener: &mut Chip) {
         loop {
             for (at, event) in poller.take_air() {
-                self.from_poller(at, event, |at, event| listener.hear(at, event));
+                self.from_poller(at, event, &mut |at, event| listener.hear(at, event));
             }
             for (at, event) in listener.take_air() {
                 self.from_listener(at, &event);
                 poller.hear(at, &event);
             }
-            self.advance(poller.now(), |at, event| listener.hear(at, event));
+            self.advance(poller.now(), &mut |at, event| listener.hear(at, event));
             if !poller.has_air() && !listener.has_air() {
                 return;
             }
@@ -119,29 +119,29 @@ impl Air {
 
     /// Takes an event that the poller emitted at `at` (virtual ns), for callers that do not use [`Air::carry`]. `hears`
     /// is the listener.
-    pub fn from_poller(&mut self, at: u64, event: AirEvent, mut hears: impl FnMut(u64, &AirEvent)) {
+    pub fn from_poller(&mut self, at: u64, event: AirEvent, hears: &mut dyn FnMut(u64, &AirEvent)) {
         match event {
             AirEvent::FieldOn | AirEvent::FieldOff => {
-                self.advance(at, &mut hears);
+                self.advance(at, hears);
                 self.field = event == AirEvent::FieldOn;
                 if !self.field {
-                    self.sending_breaks_off(at, &mut hears);
-                    self.break_off(at, &mut hears);
+                    self.sending_breaks_off(at, hears);
+                    self.break_off(at, hears);
                 }
                 if !self.faults.field_off {
                     hears(at, &event);
                 }
             }
             AirEvent::FrameStart(frame) => {
-                self.advance(at, &mut hears);
-                self.sending_breaks_off(at, &mut hears);
+                self.advance(at, hears);
+                self.sending_breaks_off(at, hears);
                 self.frame_started(at, frame);
             }
             // The events that are due at `at` depend on a frame's end, so the end is recorded first.
             AirEvent::Bytes(chunk) => self.frame_goes_on(at, chunk),
             AirEvent::FrameEnd { bits } => self.frame_ended(at, bits),
         }
-        self.advance(at, &mut hears);
+        self.advance(at, hears);
     }
 
     /// Counts an event that the listener emitted, for callers that do not use [`Air::carry`]. The caller must pass the
@@ -160,14 +160,14 @@ impl Air {
     }
 
     /// Passes the events up to and including `to` (virtual ns) to `hears`. The poller must have reached `to`.
-    pub fn advance(&mut self, to: u64, mut hears: impl FnMut(u64, &AirEvent)) {
+    pub fn advance(&mut self, to: u64, hears: &mut dyn FnMut(u64, &AirEvent)) {
         loop {
             let ends = self.on_air.as_ref().and_then(|(began, flight)| flight.next(*began));
             let begins = (0..self.waiting.len()).filter_map(|i| Some((self.waiting[i].due?, i))).min();
             match (ends, begins) {
                 // Two frames do not collide if one begins at the instant at which the other ends.
-                (Some(at), _) if at <= to && begins.is_none_or(|(due, _)| at <= due) => self.goes_on(&mut hears),
-                (_, Some((due, index))) if due <= to => self.begins(due, index, &mut hears),
+                (Some(at), _) if at <= to && begins.is_none_or(|(due, _)| at <= due) => self.goes_on(hears),
+                (_, Some((due, index))) if due <= to => self.begins(due, index, hears),
                 _ => break,
             }
         }
@@ -277,7 +277,7 @@ impl Air {
     }
 
     /// Ends the poller's present frame at `at`, because the poller's next frame begins or its carrier goes off.
-    fn sending_breaks_off(&mut self, at: u64, hears: &mut impl FnMut(u64, &AirEvent)) {
+    fn sending_breaks_off(&mut self, at: u64, hears: &mut dyn FnMut(u64, &AirEvent)) {
         if let Some(sending) = &self.sending {
             let bits = sending.bits_by(at);
             self.frame_ended(at, bits);
@@ -301,7 +301,7 @@ impl Air {
         self.next_id
     }
 
-    fn begins(&mut self, due: u64, index: usize, hears: &mut impl FnMut(u64, &AirEvent)) {
+    fn begins(&mut self, due: u64, index: usize, hears: &mut dyn FnMut(u64, &AirEvent)) {
         let straight = self.waiting[index].origin == Origin::Poller;
         if self.on_air.is_some() && !straight {
             self.waiting[index].due = None;
@@ -323,7 +323,7 @@ impl Air {
         self.on_air = Some((due, flight));
     }
 
-    fn goes_on(&mut self, hears: &mut impl FnMut(u64, &AirEvent)) {
+    fn goes_on(&mut self, hears: &mut dyn FnMut(u64, &AirEvent)) {
         let Some((began, flight)) = &mut self.on_air else { return };
         let Some((after, later)) = flight.later.pop_front() else { return };
         let at = began.saturating_add(after);
@@ -340,7 +340,7 @@ impl Air {
         }
     }
 
-    fn break_off(&mut self, at: u64, hears: &mut impl FnMut(u64, &AirEvent)) {
+    fn break_off(&mut self, at: u64, hears: &mut dyn FnMut(u64, &AirEvent)) {
         let Some((began, flight)) = &self.on_air else { return };
         let bits = flight.start.data_bits_in(at.saturating_sub(*began)).min(8 * flight.start.chunk.data.len() as u64);
         let bits = u32::try_from(bits).unwrap_or(u32::MAX);

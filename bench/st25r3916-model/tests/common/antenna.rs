@@ -42,21 +42,21 @@ impl Antenna {
 
     pub(crate) fn poller(&mut self, at: u64, event: AirEvent) {
         let told = &mut self.told;
-        self.air.from_poller(at, event, |at, event| told.push((at, event.clone())));
+        self.air.from_poller(at, event, &mut |at, event| told.push((at, event.clone())));
     }
 
     pub(crate) fn set(&mut self, at: u64, faults: AirFaults) {
         let told = &mut self.told;
-        self.air.set_faults(at, faults, |at, event| told.push((at, event.clone())));
+        self.air.set_faults(at, faults, &mut |at, event| told.push((at, event.clone())));
     }
 
     pub(crate) fn run_to(&mut self, to: u64) {
         let told = &mut self.told;
         while let Some(at) = self.air.next_event().filter(|at| *at <= to) {
-            self.air.advance(at, |at, event| told.push((at, event.clone())));
+            self.air.advance(at, &mut |at, event| told.push((at, event.clone())));
             assert!(self.air.next_event().is_none_or(|next| next >= at), "an event in the past");
         }
-        self.air.advance(to, |at, event| told.push((at, event.clone())));
+        self.air.advance(to, &mut |at, event| told.push((at, event.clone())));
     }
 
     pub(crate) fn send(&mut self, at: u64, bytes: &[u8]) -> u64 {

@@ -2,7 +2,7 @@ use profile::{LinkStatusBits, LinkValues, ResetReason};
 
 use crate::disturbance::{Harm, Memory};
 use crate::rules::shown::synthetic::{Air, Image, MS, Run, US};
-use crate::testing::{DPR_FRONT_END, HORUS_FRONT_END, IMAGE_BIT, RECEIVE_BIT, injected};
+use crate::testing::{DPR_FRONT_END, HORUS_FRONT_END, IMAGE_BIT, RECEIVE_BIT, in_order, injected};
 use crate::{Board, Cause, Disturbance, Event, Violation, What, bounds};
 
 const RECEIVERS: [usize; 3] = [1, 3, 5];
@@ -112,7 +112,7 @@ fn with_an_early_tick(run: &Run) -> crate::Log {
     for event in log.events.iter_mut().filter(|event| event.what == What::Tick && event.at == run.tick(20)) {
         event.at -= MS;
     }
-    log.events.sort_by_key(|event| (event.at, event.what.rank()));
+    in_order(&mut log.events);
     log
 }
 
@@ -704,7 +704,7 @@ fn a_rise_of_fresh_for_the_same_image_is_no_publication() {
         }
         assert!(again.len() > 5);
         log.events.extend(again);
-        log.events.sort_by_key(|event| (event.at, event.what.rank()));
+        in_order(&mut log.events);
         crate::judge(&log).kinds().filter(own).collect::<Vec<_>>()
     };
     assert_eq!(broken(0), []);

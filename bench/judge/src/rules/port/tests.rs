@@ -5,7 +5,7 @@ use profile::{
 
 use super::*;
 use crate::disturbance::Memory;
-use crate::testing::{Events, IMAGE_BIT, MISUSE, MS, header, injected};
+use crate::testing::{Events, IMAGE_BIT, MISUSE, MS, header, in_order, injected};
 use crate::{Bytes, Disturbance, Header};
 
 /// The time between two transactions, ns. FRESH rises every 10 ms.
@@ -29,6 +29,11 @@ struct Shown {
 /// Returns a log in which the flight controller writes each object at its instant. `shown` returns the uplinks and
 /// Port-Status of the images, which are published every 10 ms.
 fn log(written: &[(u64, Vec<u8>)], shown: impl Fn(u64) -> Shown) -> crate::Log {
+    log_of(written, &shown)
+}
+
+// Not generic, so that it is compiled once and not for each closure.
+fn log_of(written: &[(u64, Vec<u8>)], shown: &dyn Fn(u64) -> Shown) -> crate::Log {
     let header: Header = header(3);
     let layout = Layout::for_receivers(3).unwrap();
     let mut events = Events::flawless(3, 0);
@@ -491,7 +496,7 @@ fn ends_as_fresh_rises(from: u64) -> crate::Log {
     for event in log.events.iter_mut().filter(|event| event.at == 100 * MS) {
         event.at = ends(AT);
     }
-    log.events.sort_by_key(|event| (event.at, event.what.rank()));
+    in_order(&mut log.events);
     log
 }
 

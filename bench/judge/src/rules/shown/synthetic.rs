@@ -11,6 +11,7 @@ use profile::{
 };
 
 use crate::expectation::age_at_end;
+use crate::testing::in_order;
 use crate::{Board, Event, Header, Log, SsiEvent, Verdict, Violation, What, judge};
 
 pub(crate) const US: u64 = 1_000;
@@ -191,6 +192,11 @@ impl Run {
 
     /// Returns the run's log. `edit` changes the images that the DPR published.
     pub(crate) fn log(&self, edit: impl Fn(&mut Vec<Image>)) -> Log {
+        self.edited(&edit)
+    }
+
+    // Not generic, so that it is compiled once and not for each closure.
+    fn edited(&self, edit: &dyn Fn(&mut Vec<Image>)) -> Log {
         let mut events = self.extra.clone();
         events.push(Event { at: 2 * MS, what: What::FieldHeard { on: true } });
         let heard = self.frames(&mut events);
@@ -222,7 +228,7 @@ impl Run {
             events.push(Event { at: selected + 304 * US, what: What::Ssi(SsiEvent::Ready) });
         }
         events.push(Event { at: end, what: What::End });
-        events.sort_by_key(|event| (event.at, event.what.rank()));
+        in_order(&mut events);
         let header = Header { version: Header::VERSION, gps: self.n, seed: 1, clock: self.clock.into(), hold: false };
         Log { header, events }
     }

@@ -140,6 +140,11 @@ impl Scene {
 
     /// Returns the events of the run, in which `change` may change what HORUS sends in a cycle (number from 1).
     fn events(&self, mut change: impl FnMut(u64, &mut ReportedValues, &mut [GpsValues])) -> Events {
+        self.changed(&mut change)
+    }
+
+    // Not generic, so that it is compiled once and not for each closure.
+    fn changed(&self, change: &mut dyn FnMut(u64, &mut ReportedValues, &mut [GpsValues])) -> Events {
         let gps = self.receivers.len();
         let mut events = Events::new(gps);
         let bytes = |reported: &ReportedValues| ReportedPosition::seal(reported).as_bytes().to_vec();

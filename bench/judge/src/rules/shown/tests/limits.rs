@@ -5,7 +5,7 @@ use super::super::synthetic::{Air, Image, MS, Run, US, kinds};
 use super::{RECEIVERS, hide, show};
 use crate::disturbance::Harm;
 use crate::rules::Rule as _;
-use crate::testing::{DPR_FRONT_END, HORUS_FRONT_END, IMAGE_BIT, RECEIVE_BIT, injected};
+use crate::testing::{DPR_FRONT_END, HORUS_FRONT_END, IMAGE_BIT, RECEIVE_BIT, in_order, injected};
 use crate::{Board, Context, Disturbance, Event, Findings, Violation, What, bounds, judge};
 
 #[test]
@@ -58,7 +58,7 @@ fn forged_in(took: u64) -> Vec<Violation> {
     let selected = run.only.unwrap();
     let transaction = log.events.iter_mut().find(|event| matches!(event.what, What::Transaction { .. })).unwrap();
     transaction.at = selected + took;
-    log.events.sort_by_key(|event| (event.at, event.what.rank()));
+    in_order(&mut log.events);
     kinds(&judge(&log))
 }
 
@@ -246,7 +246,7 @@ fn heard_otherwise(run: &Run, edit: impl Fn(&mut u64, &mut Vec<u8>, &mut bool) -
     let extra = edit(started, &mut changed, whole);
     *bytes = changed.into();
     log.events.extend(extra);
-    log.events.sort_by_key(|event| (event.at, event.what.rank()));
+    in_order(&mut log.events);
     kinds(&judge(&log))
 }
 
@@ -311,7 +311,7 @@ fn a_missed_frame_does_not_end_the_dprs_sequence() {
         _ => None,
     });
     log.events.extend(late);
-    log.events.sort_by_key(|event| (event.at, event.what.rank()));
+    in_order(&mut log.events);
     assert_eq!(kinds(&judge(&log)), []);
 }
 
@@ -333,7 +333,7 @@ fn a_possibly_missed_repeated_frame_may_leave_the_sequence_intact() {
             let until = again + 1 - bounds::FRONT_END_RECOVERY;
             log.events.push(Event { at: until, what: injected(DPR_FRONT_END, until) });
         }
-        log.events.sort_by_key(|event| (event.at, event.what.rank()));
+        in_order(&mut log.events);
         let found = kinds(&judge(&log));
         assert!(
             if hit { found.is_empty() } else { found.contains(&Violation::ShownOutOfSequence) },

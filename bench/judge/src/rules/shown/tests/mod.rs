@@ -3,7 +3,7 @@ mod limits;
 
 use super::synthetic::{Air, Image, MS, Run, US, kinds};
 use crate::disturbance::Memory;
-use crate::testing::{DPR_FRONT_END, HORUS_FRONT_END, injected};
+use crate::testing::{DPR_FRONT_END, HORUS_FRONT_END, in_order, injected};
 use crate::{Board, Disturbance, Event, Violation, What, judge};
 
 const RECEIVERS: [usize; 3] = [1, 3, 5];
@@ -374,7 +374,7 @@ fn a_listener_that_has_just_seen_the_carrier_may_miss_frames() {
     let there = run.log(|_| {}).events.into_iter().filter(|event| matches!(event.what, What::Heard { .. }));
     log.events.retain(|event| !matches!(event.what, What::Heard { .. }));
     log.events.extend(there);
-    log.events.sort_by_key(|event| (event.at, event.what.rank()));
+    in_order(&mut log.events);
     assert_eq!(kinds(&judge(&log)), []);
 }
 
