@@ -12,6 +12,9 @@ use crate::faults::plan::LAST_BEFORE_END;
 use crate::faults::{Episode, Fault, Faults, Kind, PowerFault};
 use crate::sim::{Debugged, Error, Observer, Outcome, Setup};
 
+/// A connection to a debugger. It is boxed, so that the server is compiled here, once for each clock.
+pub type Connection = Box<dyn ConnectionExt<Error = std::io::Error>>;
+
 /// Runs the link to its end, with a debugger on `connection` at the board `side`. The board is halted at power-on until
 /// the debugger starts it. If the connection fails, `lost` is called with the error, and the run continues without a
 /// debugger.
@@ -19,35 +22,27 @@ use crate::sim::{Debugged, Error, Observer, Outcome, Setup};
 /// # Errors
 ///
 /// The errors are those of [`crate::sim::run`].
-pub fn serve<T>(
+pub fn serve(
     setup: &Setup,
     side: Side,
-    connection: T,
+    connection: Connection,
     observer: &mut dyn Observer,
     lost: &mut dyn FnMut(String),
-) -> Result<Ended<Outcome>, Error>
-where
-    T: ConnectionExt,
-    T::Error: std::fmt::Display,
-{
+) -> Result<Ended<Outcome>, Error> {
     match setup.clock {
-        Clock::Fast => serve_on::<Fast, T>(setup, side, connection, observer, lost),
-        Clock::Optimistic => serve_on::<Optimistic, T>(setup, side, connection, observer, lost),
-        Clock::Pessimistic => serve_on::<Pessimistic, T>(setup, side, connection, observer, lost),
+        Clock::Fast => serve_on::<Fast>(setup, side, connection, observer, lost),
+        Clock::Optimistic => serve_on::<Optimistic>(setup, side, connection, observer, lost),
+        Clock::Pessimistic => serve_on::<Pessimistic>(setup, side, connection, observer, lost),
     }
 }
 
-fn serve_on<C: Cost, T>(
+fn serve_on<C: Cost>(
     setup: &Setup,
     side: Side,
-    connection: T,
+    connection: Connection,
     observer: &mut dyn Observer,
     lost: &mut dyn FnMut(String),
-) -> Result<Ended<Outcome>, Error>
-where
-    T: ConnectionExt,
-    T::Error: std::fmt::Display,
-{
+) -> Result<Ended<Outcome>, Error> {
     let run = Debugged::<C>::new(setup)?;
     let link = Link { run, side, observer, gps: setup.gps, seed: setup.seed };
     Ok(match emulator_gdb::serve(link, connection, lost)? {

@@ -58,11 +58,15 @@ struct InMemory {
     peeked: Option<u8>,
 }
 
+fn gone() -> std::io::Error {
+    std::io::Error::other("the client is gone")
+}
+
 impl Connection for InMemory {
-    type Error = &'static str;
+    type Error = std::io::Error;
 
     fn write(&mut self, byte: u8) -> Result<(), Self::Error> {
-        self.to_client.send(byte).map_err(|_| "the client is gone")
+        self.to_client.send(byte).map_err(|_| gone())
     }
 
     fn flush(&mut self) -> Result<(), Self::Error> {
@@ -73,7 +77,7 @@ impl Connection for InMemory {
 impl ConnectionExt for InMemory {
     fn read(&mut self) -> Result<u8, Self::Error> {
         let peeked = self.peeked.take();
-        peeked.map_or_else(|| self.from_client.recv().map_err(|_| "the client is gone"), Ok)
+        peeked.map_or_else(|| self.from_client.recv().map_err(|_| gone()), Ok)
     }
 
     fn peek(&mut self) -> Result<Option<u8>, Self::Error> {
@@ -170,7 +174,7 @@ fn attended<R>(script: impl FnOnce(&Client) + Send, serve: impl FnOnce(InMemory,
 }
 
 fn debugged(setup: &Setup, side: Side, script: impl FnOnce(&Client) + Send) -> Ended<Outcome> {
-    attended(script, |connection, lost| serve(setup, side, connection, &mut (), lost).unwrap())
+    attended(script, |connection, lost| serve(setup, side, Box::new(connection), &mut (), lost).unwrap())
 }
 
 fn finished<O>(ended: Ended<O>) -> O {
@@ -306,7 +310,7 @@ fn kill_ends_the_run_and_a_lost_connection_does_not() {
     drop(to_stub);
     let mut lost = vec![];
     let connection = InMemory { from_client, to_client, peeked: None };
-    let ended = serve(&setup, Side::Dpr, connection, &mut (), &mut |text| lost.push(text)).unwrap();
+    let ended = serve(&setup, Side::Dpr, Box::new(connection), &mut (), &mut |text| lost.push(text)).unwrap();
     assert_eq!(all_of(&finished(ended)), all_of(&sim::run(&setup, &mut ()).unwrap()));
     assert_eq!(lost.len(), 1, "{lost:?}");
 }
@@ -425,7 +429,7 @@ fn real_gdb(setup: &Setup, script: &[String]) -> (Ended<Outcome>, String) {
     gdb.arg(&setup.images.dpr);
     let mut gdb = gdb.stdin(Stdio::null()).stderr(file.try_clone().unwrap()).stdout(file).spawn().unwrap();
     let connection = accept(&listener, &mut gdb, &written);
-    let ended = serve(setup, Side::Dpr, connection, &mut (), &mut |text| panic!("{text}")).unwrap();
+    let ended = serve(setup, Side::Dpr, Box::new(connection), &mut (), &mut |text| panic!("{text}")).unwrap();
     gdb.wait().unwrap();
     let text = std::fs::read_to_string(&written).unwrap();
     std::fs::remove_dir_all(&folder).unwrap();

@@ -47,7 +47,7 @@ fn attached(
         Board::Dpr => Side::Dpr,
         Board::Horus => Side::Horus,
     };
-    Ok(match serve(setup, side, connection, screen, &mut |error| say_lost(&error))? {
+    Ok(match serve(setup, side, Box::new(connection), screen, &mut |error| say_lost(&error))? {
         Ended::Finished(outcome) => Some(*outcome),
         Ended::Killed(at) => {
             say_killed(at);

@@ -171,6 +171,7 @@ impl Upset {
     }
 
     /// Returns a uniformly drawn upset of `kind` in what `node`'s firmware uses now; `None` if there is none.
+    #[inline(never)]
     pub fn drawn_on<B: Board, C: Cost>(kind: Kind, rng: &mut Rng, node: &Node<B, C>) -> Option<Self> {
         match kind {
             Kind::Peripherals => a_stored_bit(rng, node),
@@ -186,6 +187,7 @@ impl Upset {
     /// # Errors
     ///
     /// [`Error::NotMemory`] if there is no memory at the address.
+    #[inline(never)]
     pub fn apply<B: Board, C: Cost>(&self, node: &mut Node<B, C>) -> Result<(), Error> {
         match *self {
             Self::Ram { address, bit } | Self::Received { address, bit } | Self::Flash { address, bit } => {
@@ -297,6 +299,7 @@ impl Targets {
     /// # Errors
     ///
     /// [`Error::NoSymbol`] if the program lacks the symbol of its CRC or one that cortex-m-rt's linker script defines.
+    #[inline(never)]
     pub fn of<B: Board, C: Cost>(node: &Node<B, C>) -> Result<Self, Error> {
         let address = |symbol| node.address_of(symbol).map(|address| u32::try_from(address).unwrap_or(u32::MAX));
         let mut ram = vec![];

@@ -15,6 +15,7 @@ use crate::faults::{FIRST_INTERRUPT, HoldBoardFault, ImageFault};
 /// # Errors
 ///
 /// [`Error::NoSymbol`] if the program has no such vector, function or variable.
+#[inline(never)]
 pub(super) fn begin<C: Cost>(fault: HoldBoardFault, node: &mut Node<Hold, C>) -> Result<Repair, Error> {
     let now = node.now();
     match fault {

@@ -341,6 +341,7 @@ pub struct Finished {
 }
 
 /// Returns a board at power-on with this program, which is loaded or already in the memory that the board kept.
+#[inline(never)]
 fn switched_on<B: Board, C: Cost>(
     mut part: B::Part,
     board: B,
@@ -362,6 +363,7 @@ impl<C: Cost> Bench<C> {
     /// # Errors
     ///
     /// An ELF file cannot be loaded, or a recording cannot be played.
+    #[inline(never)]
     pub fn new(setup: &Setup) -> Result<Self, Error> {
         Self::with(setup, &Programs::read(setup)?)
     }
@@ -371,6 +373,7 @@ impl<C: Cost> Bench<C> {
     /// # Errors
     ///
     /// A firmware does not fit into its board, or a recording cannot be played.
+    #[inline(never)]
     pub fn with(setup: &Setup, programs: &Programs) -> Result<Self, Error> {
         let flight = Arc::new(Flight::new(setup.seed, setup.duration_ns as f64 / 1e9));
         let receivers = receivers(setup, &flight)?;
@@ -464,6 +467,7 @@ impl<C: Cost> Bench<C> {
 
     /// Returns HORUS's board as it is now, for copies of this bench in which nothing else happens to HORUS.
     #[must_use]
+    #[inline(never)]
     pub fn share_horus(&self) -> SharedHorus<C> {
         let Relay { a, upstream, .. } = &self.relay;
         SharedHorus(Arc::new(Mutex::new(Leader::new(a.clone(), upstream.clone()))))
@@ -476,6 +480,7 @@ impl<C: Cost> Bench<C> {
         self.behind = Some((horus.clone(), 0));
     }
 
+    #[inline(never)]
     fn trace(&mut self, path: &Path) -> Result<Trace, trace::Error> {
         let Relay { a, b, upstream, downstream } = &mut self.relay;
         let horus = TaskWatch::new(a, horus_tx_fw::task::TASKS);
@@ -487,6 +492,7 @@ impl<C: Cost> Bench<C> {
     }
 
     /// Runs to `end` (virtual ns) without an observer.
+    #[inline(never)]
     pub fn run_to(&mut self, end: u64, threads: Threads) {
         let run = self.run(end, threads, |_, dpr, link| {
             dpr.take_log();
@@ -532,6 +538,7 @@ impl<C: Cost> Bench<C> {
 
     /// Ends the run at `reached` (virtual ns), and returns its outcome.
     #[must_use]
+    #[inline(never)]
     pub fn finish(self, reached: u64) -> Finished {
         let Relay { a, mut b, downstream, .. } = self.relay;
         let header = downstream.header().clone();
@@ -543,6 +550,7 @@ impl<C: Cost> Bench<C> {
     }
 }
 
+#[inline(never)]
 fn report<C: Cost>(
     header: &Header,
     reached: u64,
@@ -624,6 +632,7 @@ pub fn run(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome, Error>
 }
 
 #[cfg(feature = "runs")]
+#[inline(never)]
 fn run_on<C: Cost>(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome, Error> {
     let mut bench = Bench::<C>::new(setup)?;
     let mut kept = Outputs::begin(setup, &mut bench)?;
@@ -649,6 +658,7 @@ struct Outputs {
 }
 
 impl Outputs {
+    #[inline(never)]
     fn begin<C: Cost>(setup: &Setup, bench: &mut Bench<C>) -> Result<Self, Error> {
         let trace = setup.trace.as_deref().map(|path| bench.trace(path)).transpose()?;
         let unwritten = |source| unwritten(setup, source);
@@ -671,6 +681,7 @@ impl Outputs {
         })
     }
 
+    #[inline(never)]
     fn take<C: Cost>(
         &mut self,
         reached: u64,
@@ -716,6 +727,7 @@ impl Outputs {
         Ok(())
     }
 
+    #[inline(never)]
     fn finish<C: Cost>(self, bench: Bench<C>, reached: u64) -> Result<Outcome, Error> {
         let Self { setup, trace, stored, logs, .. } = self;
         let Finished { report, verdict, log, base, phases } = bench.finish(reached);

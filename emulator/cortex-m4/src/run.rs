@@ -61,6 +61,7 @@ impl<C: Cost> Core<C> {
         exit
     }
 
+    #[inline(never)]
     fn run_with<B: Bus>(&mut self, bus: &mut B, code: &mut Code, until: u64, pace: Pace) -> Exit {
         let single = pace != Pace::Free;
         let mut stepped = false;

@@ -25,6 +25,7 @@ impl<B: Board, C: Cost> Node<B, C> {
     /// # Errors
     ///
     /// Returns [`Error::Differs`] where memory holds other bytes than `firmware`.
+    #[inline(never)]
     pub fn programmed_with(part: B::Part, board: B, firmware: &Firmware) -> Result<Self, Error> {
         for (address, bytes) in firmware.segments() {
             let held = u32::try_from(*address).ok().and_then(|address| part.memory(address, bytes.len()));

@@ -49,6 +49,7 @@ impl<B: Board, C: Cost> Node<B, C> {
     /// Memory is read directly. A word of a peripheral or of the core's own space is read on a copy of core and board,
     /// so the read has no side effects.
     #[must_use]
+    #[inline(never)]
     pub fn peek(&self, address: u32, to: &mut [u8]) -> usize {
         if memory::read(&self.side.part, u64::from(address), to) {
             return to.len();
@@ -75,6 +76,7 @@ impl<B: Board, C: Cost> Node<B, C> {
     /// # Errors
     ///
     /// Returns [`Error::NotMemory`] where nothing takes the write, or for a part of a word that is not memory.
+    #[inline(never)]
     pub fn poke(&mut self, address: u32, from: &[u8]) -> Result<(), Error> {
         let refused = Error::NotMemory { address: u64::from(address), length: from.len() };
         if self.write(u64::from(address), from).is_ok() {

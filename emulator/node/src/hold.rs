@@ -156,6 +156,7 @@ impl<B: Board, C: Cost> Node<B, C> {
     }
 
     #[cold]
+    #[inline(never)]
     fn run_step(&mut self, until: u64) -> Exit {
         let (executed, changes) = (self.core.retired(), self.core.exception_changes());
         let exit = self.core.run_one(&mut self.side, until);

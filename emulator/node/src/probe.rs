@@ -50,6 +50,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
+    #[inline(never)]
     pub(super) fn probe_log(&mut self, at: u64) {
         // RAM is searched only if the node knows the firmware's ELF file. Otherwise an attached probe that has the file
         // reads the log.

@@ -192,7 +192,7 @@ where
     pub fn run_course(&mut self, course: &mut Course<U::Message>) -> Way {
         let Self { a, b, upstream, downstream } = self;
         let Course { lead, follower, end, step } = course;
-        follower.step(b, downstream, *end, *step, || lead.piece(a, upstream, *end))
+        follower.step(b, downstream, *end, *step, &mut || lead.piece(a, upstream, *end))
     }
 }
 
@@ -330,13 +330,14 @@ impl<M> Follower<M> {
 
     /// Runs the second board to the end of its next step. `tell` returns the next report of the first board, or `None`
     /// if that board is halted. After a halt the next call continues the step.
+    #[inline(never)]
     fn step<B: Board, C: Cost, D: Downstream<B, C, Message = M>>(
         &mut self,
         node: &mut Node<B, C>,
         downstream: &mut D,
         end: u64,
         step: u64,
-        mut tell: impl FnMut() -> Option<Interval<M, D::Notes>>,
+        tell: &mut dyn FnMut() -> Option<Interval<M, D::Notes>>,
     ) -> Way {
         let to = (self.at + step).min(end);
         loop {

@@ -94,6 +94,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
+    #[inline(never)]
     pub(super) fn locked_up(&mut self) {
         let pc = u64::from(self.core.pc());
         let (cfsr, hfsr) = (self.word(u64::from(CFSR)).unwrap_or(0), self.word(u64::from(HFSR)).unwrap_or(0));
@@ -132,6 +133,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
+    #[inline(never)]
     pub(super) fn report_exception(&mut self, kind: FindingKind) {
         let exception = self.core.register(Register::Xpsr) & 0x1FF;
         let returns = self.register(14);
@@ -173,6 +175,7 @@ impl<B: Board, C: Cost> Node<B, C> {
     /// Returns the address of the call in the firmware's own code that led to the panic. It is the innermost return
     /// address on the stack that is not in a library. A word may look like a return address by chance, but that is
     /// rare.
+    #[inline(never)]
     fn panicking_call(&self) -> Option<u64> {
         const LIBRARIES: [&str; 5] = ["core::", "<core::", "alloc::", "<alloc::", "compiler_builtins::"];
         let part = &self.side.part;
@@ -189,6 +192,7 @@ impl<B: Board, C: Cost> Node<B, C> {
 
     /// Returns the source line in a `PanicInfo`. Its layout is not stable, but it holds a `&Location` {file name, its
     /// length, line, column}. The first word that points to something of this form is taken.
+    #[inline(never)]
     fn panic_place(&self) -> Option<String> {
         let info = u64::from(self.register(0));
         let part = &self.side.part;

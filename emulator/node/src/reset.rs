@@ -138,6 +138,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.powered
     }
 
+    #[inline(never)]
     pub(super) fn reset_by(&mut self, cause: Reset) {
         let at = self.present();
         // The log is read before start-up code clears its buffer.
@@ -161,6 +162,7 @@ impl<B: Board, C: Cost> Node<B, C> {
     }
 
     /// Fills one in `one_in` pieces of eight bytes of RAM with noise that follows from `seed` (SplitMix64).
+    #[inline(never)]
     fn come_up(&mut self, seed: u64, one_in: u64) {
         let mut state = seed;
         for (start, size) in B::Part::RAM {

@@ -14,6 +14,7 @@ impl<B: Board, C: Cost> Node<B, C> {
     }
 
     /// Serves a semihosting call, as section 3 (operations) of Arm's semihosting specification defines it.
+    #[inline(never)]
     pub(super) fn host_call(&mut self) {
         if !self.semihosting {
             self.core.finish_host_call(None);

@@ -16,6 +16,7 @@ impl<B: Board, C: Cost> Node<B, C> {
     /// # Errors
     ///
     /// Returns an error for an image that does not fit the part, or that has no vector table where the core reads it.
+    #[inline(never)]
     pub fn new(mut part: B::Part, board: B, firmware: &Firmware) -> Result<Self, Error> {
         for (address, bytes) in firmware.segments() {
             if !memory::write(&mut part, *address, bytes) {
@@ -40,6 +41,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         Ok(Self::begin(part, board, firmware))
     }
 
+    #[inline(never)]
     pub(super) fn begin(part: B::Part, board: B, firmware: &Firmware) -> Self {
         let config = part.core();
         // The linker may have inlined the panic handler into its only caller, so that the handler has no symbol.

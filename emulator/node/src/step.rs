@@ -76,6 +76,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.advance_or_restart(to, true)
     }
 
+    #[inline(never)]
     fn advance_or_restart(&mut self, to: u64, stops: bool) -> bool {
         loop {
             if self.halted().is_some() {
@@ -153,6 +154,7 @@ impl<B: Board, C: Cost> Node<B, C> {
 
     /// What the core is doing now, in words.
     #[must_use]
+    #[inline(never)]
     pub fn doing(&self) -> String {
         let pc = u64::from(self.core.pc());
         let place = self.firmware.place_of(pc).map_or_else(|| format!("at {pc:#010x}"), |place| format!("in {place}"));

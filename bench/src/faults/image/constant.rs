@@ -18,6 +18,7 @@ use emulator_node::{Board, Error, Node};
 /// # Errors
 ///
 /// [`Error::NoSymbol`] if the program has no vector table, no CRC, or no such constant.
+#[inline(never)]
 pub(super) fn replace<B: Board, C: Cost>(node: &mut Node<B, C>, of: u32, value: u32) -> Result<Repair, Error> {
     let (first, end) = (node.address_of("__vector_table")?, node.address_of("__program_crc")?);
     let mut image = vec![0; usize::try_from(end.saturating_sub(first)).unwrap_or(0)];

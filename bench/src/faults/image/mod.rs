@@ -97,6 +97,7 @@ impl ImageFault {
     ///
     /// [`Error::NoSymbol`] if the program has no such handler, function, variable or constant, [`Error::NotMemory`] if
     /// an address is outside the memory, [`Error::NoPlace`] if the bytes to replace do not occur exactly once.
+    #[inline(never)]
     pub fn apply<B: Board, C: Cost>(&self, node: &mut Node<B, C>) -> Result<Repair, Error> {
         let code = |node: &mut Node<B, C>, address, instruction: u16| {
             Repair::after_writing(node, address, &instruction.to_le_bytes())
@@ -153,6 +154,7 @@ impl Repair {
     /// # Errors
     ///
     /// [`Error::NotMemory`] if `node` has no memory at an address that is to be damaged.
+    #[inline(never)]
     pub fn mend<B: Board, C: Cost>(&self, node: &mut Node<B, C>) -> Result<(), Error> {
         self.0.iter().rev().try_for_each(|(address, was)| node.write(*address, was))
     }
@@ -160,6 +162,7 @@ impl Repair {
 
 /// Returns the second address of code that the firmware copies from flash to RAM. For an address in flash it is the one
 /// in RAM, and for an address in RAM the one in flash.
+#[inline(never)]
 fn twin<B: Board, C: Cost>(node: &Node<B, C>, address: u64) -> Option<u64> {
     let [start, end, load] = ["__shot", "__ehot", "__sihot"].map(|symbol| node.address_of(symbol).ok());
     let (start, end, load) = (start?, end?, load?);
@@ -180,6 +183,7 @@ fn entry<B: Board, C: Cost>(node: &Node<B, C>, name: &str) -> Result<u64, Error>
     node.address_of(name).or_else(|error| called.ok_or(error)).map(|address| address & !1)
 }
 
+#[inline(never)]
 fn place_of<B: Board, C: Cost>(node: &Node<B, C>, name: &str, bytes: &[u8]) -> Result<u64, Error> {
     let first = entry(node, name)?;
     let mut code = vec![0; node.firmware().size_at(first)];
@@ -197,6 +201,7 @@ fn place_of<B: Board, C: Cost>(node: &Node<B, C>, name: &str, bytes: &[u8]) -> R
 
 /// Returns the addresses of the constant `with` in instructions of the function `name` that compare a register with it.
 /// There is at least one.
+#[inline(never)]
 fn comparisons<B: Board, C: Cost>(node: &Node<B, C>, name: &str, with: u8) -> Result<Vec<u64>, Error> {
     let first = entry(node, name)?;
     let end = first + node.firmware().size_at(first) as u64;
@@ -240,6 +245,7 @@ pub fn poke<B: Board, C: Cost>(
 /// # Errors
 ///
 /// [`Error::NoSymbol`] if the program has no vector table or no CRC.
+#[inline(never)]
 pub fn seal<B: Board, C: Cost>(node: &mut Node<B, C>) -> Result<Repair, Error> {
     let (first, end) = (node.address_of("__vector_table")?, node.address_of("__program_crc")?);
     let mut image = vec![0; usize::try_from(end.saturating_sub(first)).unwrap_or(0)];
