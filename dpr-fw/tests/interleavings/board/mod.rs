@@ -208,14 +208,14 @@ impl At {
     /// Records that the running task has seen the value `what` of the shared state.
     fn see(&self, what: impl std::hash::Hash) {
         if let Some(frame) = self.0.frames.borrow_mut().last_mut() {
-            frame.seen = digest((frame.seen, what));
+            frame.seen = self.0.explorer.remember(|| digest((frame.seen, what)));
         }
     }
 
     /// Records that the next steps of the running task depend on `what`, and on nothing else that the task has seen.
     fn forget_all_but(&self, what: impl std::hash::Hash) {
         if let Some(frame) = self.0.frames.borrow_mut().last_mut() {
-            frame.seen = digest(what);
+            frame.seen = self.0.explorer.remember(|| digest(what));
         }
     }
 
@@ -236,8 +236,11 @@ impl At {
         let shared = self.0.digests.get()[index];
         if let Some(frame) = self.0.frames.borrow_mut().last_mut() {
             frame.seen = match frame.task {
-                Task::Scrub => digest((index, std::mem::take(&mut frame.scrubbed))),
-                _ => digest((frame.seen, shared)),
+                Task::Scrub => {
+                    let scrubbed = std::mem::take(&mut frame.scrubbed);
+                    self.0.explorer.remember(|| digest((index, scrubbed)))
+                }
+                _ => self.0.explorer.remember(|| digest((frame.seen, shared))),
             };
         }
     }
