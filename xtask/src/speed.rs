@@ -12,8 +12,8 @@ use crate::{Receivers, firmware, workspace};
 const WARM_UP_NS: u64 = 1_000_000_000;
 
 /// The longest time that a virtual second of the link may take, in times of the yardstick of [`bench::sim::speed`], a
-/// fixed piece of work. When the bound was set, it took 3.8 times the yardstick; seven measurements, three of them beside
-/// other work, gave 3.78 to 3.85.
+/// fixed piece of work. When the bound was set, it took 3.8 times the yardstick; seven measurements, three of them
+/// beside other work, gave 3.78 to 3.85.
 const MOST_YARDSTICKS: f64 = 4.2;
 
 /// Reports instructions per second of the core alone, where the time of `sim` goes, the time of a copy of it, and the

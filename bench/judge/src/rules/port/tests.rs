@@ -32,7 +32,7 @@ fn log(written: &[(u64, Vec<u8>)], shown: impl Fn(u64) -> Shown) -> crate::Log {
     log_of(written, &shown)
 }
 
-// Not generic, so that it is compiled once and not for each closure.
+// This function is not generic, so that it is compiled once and not for each closure.
 fn log_of(written: &[(u64, Vec<u8>)], shown: &dyn Fn(u64) -> Shown) -> crate::Log {
     let header: Header = header(3);
     let layout = Layout::for_receivers(3).unwrap();

@@ -195,7 +195,7 @@ impl Run {
         self.edited(&edit)
     }
 
-    // Not generic, so that it is compiled once and not for each closure.
+    // This function is not generic, so that it is compiled once and not for each closure.
     fn edited(&self, edit: &dyn Fn(&mut Vec<Image>)) -> Log {
         let mut events = self.extra.clone();
         events.push(Event { at: 2 * MS, what: What::FieldHeard { on: true } });

@@ -143,7 +143,7 @@ impl Scene {
         self.changed(&mut change)
     }
 
-    // Not generic, so that it is compiled once and not for each closure.
+    // This function is not generic, so that it is compiled once and not for each closure.
     fn changed(&self, change: &mut dyn FnMut(u64, &mut ReportedValues, &mut [GpsValues])) -> Events {
         let gps = self.receivers.len();
         let mut events = Events::new(gps);
