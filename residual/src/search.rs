@@ -149,9 +149,13 @@ impl Halves {
                 if first >= self.occupied.len() {
                     return words;
                 }
-                for lower in self.occupied[first..].iter().take(256) {
-                    let upper = self.bucket(lower ^ (target >> 16) as usize, limit);
-                    self.join_buckets(target as u16, self.bucket(*lower, limit), upper, &mut present, &mut words);
+                for one in self.occupied[first..].iter().copied().take(256) {
+                    let other = one ^ (target >> 16) as usize;
+                    // Two buckets are joined once, whichever of them has the lower half of a word.
+                    if one <= other {
+                        let buckets = [one, other].map(|bucket| self.bucket(bucket, limit));
+                        self.join_buckets(target as u16, buckets, one != other, &mut present, &mut words);
+                    }
                 }
             }
         };
@@ -165,29 +169,43 @@ impl Halves {
         }
     }
 
-    fn join_buckets(&self, target: u16, lower: &[u64], upper: &[u64], present: &mut [u64], words: &mut Vec<Vec<u16>>) {
-        if lower.is_empty() || upper.is_empty() {
+    /// Finds the pairs of one half of each bucket. The lower half is in the first bucket or, if `both_ways`, in either.
+    fn join_buckets(
+        &self,
+        target: u16,
+        [one, other]: [&[u64]; 2],
+        both_ways: bool,
+        present: &mut [u64],
+        words: &mut Vec<Vec<u16>>,
+    ) {
+        if one.is_empty() || other.is_empty() {
             return;
         }
         let low = |entry: u64| (entry >> 48) as u16;
-        for entry in upper {
+        for entry in other {
             present[usize::from(low(*entry) >> 6)] |= 1 << (low(*entry) & 63);
         }
-        for entry in lower {
+        for entry in one {
             let wanted = low(*entry) ^ target;
             if present[usize::from(wanted >> 6)] >> (wanted & 63) & 1 == 0 {
                 continue;
             }
-            for partner in upper.iter().filter(|partner| low(**partner) == wanted) {
-                let places: Vec<u16> = self.places(*entry).chain(self.places(*partner)).collect();
-                if places.is_sorted_by(|a, b| a < b) {
-                    words.push(places);
+            for partner in other.iter().filter(|partner| low(**partner) == wanted) {
+                if self.lies_below(*entry, *partner) {
+                    words.push(self.places(*entry).chain(self.places(*partner)).collect());
+                } else if both_ways && self.lies_below(*partner, *entry) {
+                    words.push(self.places(*partner).chain(self.places(*entry)).collect());
                 }
             }
         }
-        for entry in upper {
+        for entry in other {
             present[usize::from(low(*entry) >> 6)] = 0;
         }
+    }
+
+    /// Says whether all positions of one half are below those of the other.
+    fn lies_below(&self, lower: u64, upper: u64) -> bool {
+        self.places(lower).last() < self.places(upper).next() || self.half == 0
     }
 
     fn places(&self, entry: u64) -> impl Iterator<Item = u16> {
