@@ -24,6 +24,7 @@ pub mod intake;
 pub mod live;
 #[cfg(feature = "recorder")]
 pub mod recorder;
+pub mod recording;
 #[cfg(feature = "station")]
 pub mod station;
 

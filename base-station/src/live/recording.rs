@@ -8,7 +8,8 @@ use std::time::{Duration, Instant};
 use crate::carrier::mavlink::commander::CommandRecord;
 use crate::carrier::mavlink::voice::UplinkChange;
 use crate::intake::{Carried, Judged};
-use crate::recorder::{FLUSH_US, Files, Recorder, Sample, Trouble};
+use crate::recorder::{FLUSH_US, Files, Recorder, Sample};
+use crate::recording::Trouble;
 use crate::{Change, DroneId};
 
 const WAITING: usize = 65_536;

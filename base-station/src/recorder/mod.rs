@@ -25,7 +25,6 @@ use std::collections::{BTreeMap, HashMap};
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
 
 use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
@@ -37,6 +36,7 @@ use crate::carrier::mavlink::commander::CommandRecord;
 use crate::carrier::mavlink::voice::UplinkChange;
 use crate::drone::hold::HoldState;
 use crate::intake::{Carried, Judged};
+use crate::recording::{Made, Trouble};
 use crate::{Change, DroneId, Fleet, Place, Verdict};
 
 pub use reading::{Reader, Record};
@@ -81,18 +81,6 @@ pub struct Files {
     made: Made,
 }
 
-/// The names of the files that were made so far.
-#[derive(Clone, Debug, Default)]
-pub struct Made(Arc<Mutex<Vec<PathBuf>>>);
-
-impl Made {
-    /// Returns the names of the files, in the order in which they were made.
-    #[must_use]
-    pub fn names(&self) -> Vec<PathBuf> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
-    }
-}
-
 impl Files {
     /// Returns the files of a recording whose first file has this name.
     #[must_use]
@@ -123,7 +111,7 @@ impl Parts for Files {
     fn make(&mut self, number: u32) -> io::Result<Self::Part> {
         let name = Self::name(&self.path, number);
         let file = OpenOptions::new().write(true).create_new(true).open(&name)?;
-        self.made.0.lock().unwrap_or_else(PoisonError::into_inner).push(name);
+        self.made.add(name);
         self.last = Some(file.try_clone()?);
         Ok(BufWriter::new(file))
     }
@@ -131,15 +119,6 @@ impl Parts for Files {
     fn sync(&mut self) -> io::Result<()> {
         self.last.as_ref().map_or(Ok(()), File::sync_data)
     }
-}
-
-/// The reason why nothing is recorded at present.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Trouble {
-    /// The recorder's error as text.
-    pub why: String,
-    /// The instant since which nothing is recorded, µs.
-    pub since_us: u64,
 }
 
 /// Data that are newly displayed, in plain values for other tools.

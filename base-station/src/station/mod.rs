@@ -11,7 +11,7 @@ use std::collections::VecDeque;
 use crate::carrier::mavlink::Voice;
 use crate::carrier::mavlink::commander::CommandRecord;
 use crate::intake::{Carried, Intake, Judged, Kind};
-use crate::recorder::{Made, Trouble};
+use crate::recording::{Made, Trouble};
 use crate::{Bundle, Change, DroneId, Verdict};
 use history::History;
 
