@@ -20,6 +20,10 @@ cortex-m-rt = "0.7"
 [workspace]
 "#;
 
+/// Cargo's folder for what it builds of this project, and of the projects of `emulator/command/tests/foreign.rs`, which
+/// need the same macros.
+const TARGET_DIR: &str = concat!(env!("CARGO_TARGET_TMPDIR"), "/foreign");
+
 const MEMORY: &str = "MEMORY { FLASH : ORIGIN = 0, LENGTH = 1M RAM : ORIGIN = 0x20000000, LENGTH = 256K }\n";
 
 /// The firmware prints a greeting through semihosting, makes two pulses on P0.13 while P0.11 is low, and runs for ever.
@@ -61,8 +65,8 @@ fn panic(_: &core::panic::PanicInfo) -> ! {
 
 /// Runs the project's firmware with the real gdb. Returns the output of the run, without the lines about connecting
 /// gdb, and the output of gdb.
-fn run_with_gdb(folder: &Path, arguments: &str, script: &[&str]) -> (Output, String) {
-    let elf = folder.join("target/thumbv7em-none-eabihf/debug/blinky");
+fn run_with_gdb(arguments: &str, script: &[&str]) -> (Output, String) {
+    let elf = Path::new(TARGET_DIR).join("thumbv7em-none-eabihf/debug/blinky");
     let mut run = Command::new(env!("CARGO_BIN_EXE_xtask"));
     run.args(["run", "--board", "dpr", "--gdb", "--port", "0"]).args(arguments.split(' ')).arg(&elf);
     let mut run = run.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
@@ -101,7 +105,7 @@ fn cargo_run(folder: &Path, arguments: &str) -> Output {
             command.env_remove(&key);
         }
     }
-    command.args(["run", "--quiet", "--offline"]).current_dir(folder).output().unwrap()
+    command.args(["run", "--quiet", "--offline", "--target-dir", TARGET_DIR]).current_dir(folder).output().unwrap()
 }
 
 #[test]
@@ -136,7 +140,7 @@ fn a_project_elsewhere_runs_its_firmware_on_the_bench_by_cargo_run() {
         let looks = ["set language c", "tbreak main", "continue", "info registers pc", "monitor pin P0.11"];
         let watches = ["watch *(unsigned *)0x50000508", "continue", "stepi", "monitor pin P0.13", "delete", "continue"];
         let script = [&looks[..], &watches].concat();
-        let (with, said) = run_with_gdb(&folder, "--seconds 0.1 --pin P0.13 --drive P0.11=0", &script);
+        let (with, said) = run_with_gdb("--seconds 0.1 --pin P0.13 --drive P0.11=0", &script);
         let both = |ran: &Output| {
             let is_of_the_run = |line: &&str| !line.ends_with("a second of this machine");
             let lines = |text: &str| text.lines().filter(is_of_the_run).map(str::to_owned).collect::<Vec<_>>();
@@ -149,7 +153,7 @@ fn a_project_elsewhere_runs_its_firmware_on_the_bench_by_cargo_run() {
         {
             assert!(said.contains(words), "no \"{words}\" in:\n{said}");
         }
-        let (ended, said) = run_with_gdb(&folder, "--limit 0.1 --pin P0.13", &["tbreak main", "continue", "kill"]);
+        let (ended, said) = run_with_gdb("--limit 0.1 --pin P0.13", &["tbreak main", "continue", "kill"]);
         let err = String::from_utf8_lossy(&ended.stderr);
         assert_eq!(ended.status.code(), Some(1), "{err}{said}");
         assert!(err.contains("the debugger ended the run after 0.0"), "{err}{said}");
