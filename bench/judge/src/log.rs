@@ -56,7 +56,13 @@ impl Log {
     /// # Errors
     ///
     /// Returns a [`LogError`] if the file cannot be read, or does not hold a log of this format.
-    pub fn read(from: impl BufRead) -> Result<Self, LogError> {
+    pub fn read(mut from: impl BufRead) -> Result<Self, LogError> {
+        Self::read_lines(&mut from)
+    }
+
+    /// Compiled here once, and not anew in each crate that reads logs.
+    #[inline(never)]
+    fn read_lines(from: &mut dyn BufRead) -> Result<Self, LogError> {
         let mut lines = (1..).zip(from.lines()).peekable();
         let (line, first) = lines.next().ok_or(LogError::Empty)?;
         let header: Header = serde_json::from_str(&first?).map_err(|source| LogError::Line { line, source })?;
@@ -101,7 +107,11 @@ impl Log {
 
 /// Writes a log during a run, one event at a time.
 #[derive(Debug)]
-pub struct LogWriter<W: Write>(W);
+pub struct LogWriter<W: Write> {
+    to: W,
+    /// The text of the last line. Room for it is made once.
+    line: Vec<u8>,
+}
 
 impl<W: Write> LogWriter<W> {
     /// Begins a log by writing its header.
@@ -109,10 +119,11 @@ impl<W: Write> LogWriter<W> {
     /// # Errors
     ///
     /// Returns the writer's error.
-    pub fn new(mut to: W, header: &Header) -> io::Result<Self> {
-        serde_json::to_writer(&mut to, header)?;
-        to.write_all(b"\n")?;
-        Ok(Self(to))
+    pub fn new(to: W, header: &Header) -> io::Result<Self> {
+        let mut writer = Self { to, line: vec![] };
+        put_header(&mut writer.line, header)?;
+        writer.to.write_all(&writer.line)?;
+        Ok(writer)
     }
 
     /// Writes the next event.
@@ -121,8 +132,8 @@ impl<W: Write> LogWriter<W> {
     ///
     /// Returns the writer's error.
     pub fn take(&mut self, event: &Event) -> io::Result<()> {
-        serde_json::to_writer(&mut self.0, event)?;
-        self.0.write_all(b"\n")
+        put_event(&mut self.line, event)?;
+        self.to.write_all(&self.line)
     }
 
     /// Ends the log, and writes out what is buffered.
@@ -131,6 +142,23 @@ impl<W: Write> LogWriter<W> {
     ///
     /// Returns the writer's error.
     pub fn finish(mut self) -> io::Result<()> {
-        self.0.flush()
+        self.to.flush()
     }
+}
+
+/// Puts the line of a header into `line`. This function and [`put_event`] are compiled here once, and not anew for each
+/// writer.
+#[inline(never)]
+fn put_header(line: &mut Vec<u8>, header: &Header) -> io::Result<()> {
+    serde_json::to_writer(&mut *line, header)?;
+    line.push(b'\n');
+    Ok(())
+}
+
+#[inline(never)]
+fn put_event(line: &mut Vec<u8>, event: &Event) -> io::Result<()> {
+    line.clear();
+    serde_json::to_writer(&mut *line, event)?;
+    line.push(b'\n');
+    Ok(())
 }

@@ -86,15 +86,18 @@ fn a_stored_log_reads_back_equal() {
 #[test]
 fn bytes_are_stored_as_two_hexadecimal_digits_each() {
     let what = What::Heard { started: 7, bytes: vec![0x00, 0x0F, 0xA5, 0xFF].into(), whole: true };
-    let line = serde_json::to_string(&Event { at: 9, what: what.clone() }).unwrap();
-    assert_eq!(line, r#"{"at":9,"what":{"heard":{"started":7,"bytes":"000fa5ff","whole":true}}}"#);
-    let read = |digits: &str| serde_json::from_str::<Event>(&line.replace("000fa5ff", digits)).map(|event| event.what);
-    assert_eq!(read("000FA5Ff").unwrap(), what);
-    for wrong in ["0", "000", "0g", "0x12", " 12", "\u{ff11}0"] {
-        let error = read(wrong).unwrap_err().to_string();
-        assert!(error.starts_with("bytes are two hexadecimal digits each"), "{wrong}: {error}");
+    let mut log = Plan::new(5, 3).log();
+    log.events = vec![Event { at: 9, what }];
+    let file = String::from_utf8(stored(&log)).unwrap();
+    let line = r#"{"at":9,"what":{"heard":{"started":7,"bytes":"000fa5ff","whole":true}}}"#;
+    assert_eq!(file.lines().nth(1), Some(line));
+    let read = |bytes: &str| Log::read(file.replace("\"000fa5ff\"", bytes).as_bytes());
+    assert_eq!(read("\"000FA5Ff\"").unwrap(), log);
+    for wrong in ["\"0\"", "\"000\"", "\"0g\"", "\"0x12\"", "\" 12\"", "\"\u{ff11}0\""] {
+        let LogError::Line { line: 2, source } = read(wrong).unwrap_err() else { panic!("{wrong} is in line 2") };
+        assert!(source.to_string().starts_with("bytes are two hexadecimal digits each"), "{wrong}: {source}");
     }
-    assert!(serde_json::from_str::<Event>(&line.replace("\"000fa5ff\"", "[0,15]")).is_err());
+    assert!(matches!(read("[0,15]"), Err(LogError::Line { line: 2, .. })));
 }
 
 fn error(lines: &[&str]) -> LogError {
