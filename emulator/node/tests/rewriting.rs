@@ -36,7 +36,9 @@ fn returned(target: Target, image: &Firmware, ms: u64) -> [[u32; 2]; 3] {
             u32::from_le_bytes(word)
         });
         let outcome = run.finish();
-        assert_eq!((outcome.virtual_time, &outcome.findings[..]), (ms * MS, &[][..]));
+        // An instruction that has begun is finished.
+        assert_eq!(outcome.virtual_time / 1_000, ms * 1_000);
+        assert_eq!(outcome.findings, []);
         values
     })
 }
