@@ -1,6 +1,6 @@
 //! Workspace tasks: `cargo xtask <command>`.
 //!
-//! One binary builds both firmwares, runs them against each other on the bench, tests everything, checks sizes against
+//! One program builds both firmwares, runs them against each other on the bench, tests everything, checks sizes against
 //! budgets and flashes the boards. Each command has a module; this file has the command line.
 //!
 //! The exit codes are 0 for success, 1 for a failed check (reported on standard error), 2 for a wrong command line.
@@ -308,7 +308,9 @@ fn pace(text: &str) -> Result<f64, String> {
     }
 }
 
-fn main() -> ExitCode {
+/// Runs the command that the command line names, and returns its exit code.
+#[must_use]
+pub fn main() -> ExitCode {
     match dispatch(Cli::parse().command) {
         Ok(code) => code,
         Err(error) => {

@@ -48,7 +48,7 @@ const WITH_HOLD: &[&str] =
 
 /// The test binaries that mostly wait for other programs: browsers and a broker. They run one after the other, since
 /// two browsers would disturb each other's measurements, beside those that compute.
-const WAITING: [&str; 3] = ["base-station: test browser", "xtask: bin xtask", "base-station: test broker"];
+const WAITING: [&str; 3] = ["base-station: test browser", "xtask: lib xtask", "base-station: test broker"];
 
 /// Returns the packages that have tests called `name`: the name of a package, of a test binary or of a file of tests.
 /// With each package come the arguments for `cargo test` before `--` and, if the file is part of a larger binary, the
