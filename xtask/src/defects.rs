@@ -123,7 +123,10 @@ fn manifest(folder: &str, text: &str) -> String {
     let own = format!("name = \"{folder}\"\n");
     let other = format!("name = \"{folder}{SUFFIX}\"\n");
     match folder {
+        // Cargo tells crates of equal name and version in one target directory apart by their place in the workspace
+        // only, so without another version the copy's would replace the workspace's own.
         "" => text
+            .replacen("\"\nedition = ", "+defects\"\nedition = ", 1)
             .replacen("[workspace.dependencies]\n", "[workspace.dependencies]\ndefect = { path = \"defect\" }\n", 1)
             .replacen("[workspace.lints.rust]\n", "[workspace.lints.rust]\nwarnings = \"allow\"\n", 1)
             .replacen("\nxtask = {", &format!("\nxtask{SUFFIX} = {{"), 1),
