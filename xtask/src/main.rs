@@ -1,4 +1,5 @@
-//! `cargo xtask`. All of it is a library, which is compiled while the bench still is; a program has to wait for that.
+//! The program behind `cargo xtask`. Its code is a library, because cargo compiles a library while the bench is still
+//! being compiled, and a program only after that.
 
 use std::process::ExitCode;
 

@@ -60,7 +60,7 @@ impl Log {
         Self::read_lines(&mut from)
     }
 
-    /// Compiled here once, and not anew in each crate that reads logs.
+    /// This function has no type parameter, so that it is compiled here once, and not in each crate that reads logs.
     #[inline(never)]
     fn read_lines(from: &mut dyn BufRead) -> Result<Self, LogError> {
         let mut lines = (1..).zip(from.lines()).peekable();
@@ -119,11 +119,11 @@ impl<W: Write> LogWriter<W> {
     /// # Errors
     ///
     /// Returns the writer's error.
-    pub fn new(to: W, header: &Header) -> io::Result<Self> {
-        let mut writer = Self { to, line: vec![] };
-        put_header(&mut writer.line, header)?;
-        writer.to.write_all(&writer.line)?;
-        Ok(writer)
+    pub fn new(mut to: W, header: &Header) -> io::Result<Self> {
+        let mut line = serde_json::to_vec(header)?;
+        line.push(b'\n');
+        to.write_all(&line)?;
+        Ok(Self { to, line })
     }
 
     /// Writes the next event.
@@ -146,15 +146,8 @@ impl<W: Write> LogWriter<W> {
     }
 }
 
-/// Puts the line of a header into `line`. This function and [`put_event`] are compiled here once, and not anew for each
-/// writer.
-#[inline(never)]
-fn put_header(line: &mut Vec<u8>, header: &Header) -> io::Result<()> {
-    serde_json::to_writer(&mut *line, header)?;
-    line.push(b'\n');
-    Ok(())
-}
-
+/// Replaces `line` by the line of an event. This function has no type parameter, so that it is compiled here once, and
+/// not for each writer.
 #[inline(never)]
 fn put_event(line: &mut Vec<u8>, event: &Event) -> io::Result<()> {
     line.clear();
