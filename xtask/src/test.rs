@@ -285,6 +285,31 @@ mod tests {
     use super::*;
 
     #[test]
+    fn with_a_hold_all_tests_of_the_dpr_run_but_the_interleavings() {
+        let metadata = metadata().unwrap();
+        let dpr = metadata["packages"].as_array().unwrap().iter().find(|package| package["name"] == "dpr-fw").unwrap();
+        let targets = dpr["targets"].as_array().unwrap().iter().filter(|target| target["kind"][0] == "test");
+        let names = targets.map(|target| target["name"].as_str().unwrap());
+        let left_out: Vec<_> = names.filter(|name| !WITH_HOLD.contains(name)).collect();
+        assert_eq!(left_out, ["interleavings"]);
+    }
+
+    /// What the interleavings search must be the same with a hold and without, since it is searched without one only.
+    #[test]
+    fn what_the_interleavings_search_depends_on_the_hold_in_one_length() {
+        let sources = crate::workspace::root().join("dpr-fw/src");
+        let mut files = ["rf.rs", "intake.rs"].map(|file| sources.join(file)).to_vec();
+        for folder in ["triple", "publish", "hold", "intake"] {
+            files.extend(std::fs::read_dir(sources.join(folder)).unwrap().map(|file| file.unwrap().path()));
+        }
+        let texts = files.iter().filter(|file| !file.ends_with("tests.rs")).map(std::fs::read_to_string);
+        let texts: Vec<String> = texts.collect::<Result<_, _>>().unwrap();
+        let depend: Vec<&str> =
+            texts.iter().flat_map(|text| text.lines()).filter(|line| line.contains("\"hold\"")).collect();
+        assert_eq!(depend, ["pub const SHOWN: usize = if cfg!(feature = \"hold\") { HoldObject::SIZE } else { 0 };"]);
+    }
+
+    #[test]
     fn a_name_selects_a_package_a_binary_or_a_file() {
         let metadata = metadata().unwrap();
         let args = |name| {
